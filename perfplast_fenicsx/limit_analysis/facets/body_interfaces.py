@@ -22,7 +22,7 @@ the adhesion c alone also holds. If a contact declares associated slip, for exam
 dilates, both limit theorems hold for the whole set.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import permutations
 
 from mpi4py import MPI
@@ -71,24 +71,6 @@ def facing_vertices(
         order[off < best] = permutation
         best = np.minimum(off, best)
     return order, best
-
-
-def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
-    """Return flags of facets that coincide with the opposite facet up to rounding, shape (n,).
-
-    Args:
-        one: Vertices of facets, shape (n, d, d).
-        off: Distances of the opposite vertices (:func:`facing_vertices`).
-        normals: Unit normals of the facets, shape (n, d).
-        others: Unit normals of the opposite facets, shape (n, d).
-    """
-    # Limit for the distance between vertices, relative to the size of the facet, and for the sum
-    # of both unit normals, which are opposite.
-    rounding = 1e-8
-    size = np.ptp(one, axis=1).max(axis=1)
-    askew = np.linalg.norm(normals + others, axis=1)
-    found: npt.NDArray[np.bool_] = (off <= rounding * size) & (askew <= rounding)
-    return found
 
 
 Flags = npt.NDArray[np.bool_]
@@ -148,19 +130,22 @@ class FacetPairs:
     both_held: bool
 
 
-def pair_facets(
+def match_facets(
     comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows, turned: bool = False
-) -> FacetPairs | None:
-    """Match the facets of two surfaces. Collective.
+) -> tuple[FacetRows, FacetRows, Longs] | None:
+    """Match the facets of two surfaces, which coincide up to rounding. Collective.
 
     Args:
         comm: The ranks.
-        primary: Facets of one surface that this rank owns.
+        primary: Facets of one surface that this rank owns, with the fields ``x``, ``normal`` and
+            ``corners`` of :func:`facet_type`.
         secondary: Facets of the other surface that this rank owns.
         turned: Whether the facets are sections of rings, which match only at equal radii.
 
     Returns:
-        The pairs; None if the surfaces do not match facet by facet.
+        The facets of both surfaces, pair by pair, and the vertices of the second facets that face
+        the vertices of the first, shape (num_pairs, d); None if the surfaces do not match facet by
+        facet.
     """
     gdim = primary["normal"].shape[1]
     corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
@@ -168,18 +153,32 @@ def pair_facets(
     found = match_nodes(comm, primary, secondary, REACH * float(np.linalg.norm(high - low)))
     a, b = found.primary, found.secondary
     order, off = facing_vertices(a["corners"], b["corners"], a["normal"], turned)
-    same = bool(fit(a["corners"], off, a["normal"], b["normal"]).all())
+    # Limit for the distance between vertices, relative to the size of the facet, and for the sum
+    # of both unit normals, which are opposite.
+    rounding = 1e-8
+    size = np.ptp(a["corners"], axis=1).max(axis=1)
+    askew = np.linalg.norm(a["normal"] + b["normal"], axis=1)
+    same = bool(((off <= rounding * size) & (askew <= rounding)).all())
     if found.alone or not comm.allreduce(same, MPI.LAND):
         return None
-    return _to_owners(comm, a, b, order)
+    return a, b, order
 
 
-def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
-    """Send each pair to the ranks that own its facets. Collective.
+def pair_facets(
+    comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows, turned: bool = False
+) -> FacetPairs | None:
+    """Match the facets of two surfaces on the ranks that own the facets. Collective.
 
     The host is the facet of the first surface, unless supports hold this facet along its normal, or
     hold more components of this facet than of the opposite facet.
+
+    Returns:
+        The pairs; None if :func:`match_facets`, which has the same arguments, finds none.
     """
+    matched = match_facets(comm, primary, secondary, turned)
+    if matched is None:
+        return None
+    a, b, order = matched
     gdim = order.shape[1]
     flags = ("aligned", np.bool_, gdim)
     host_type = [("facet", np.int64), ("guest", np.int64, gdim), flags, ("rank", np.int64)]
@@ -257,14 +256,17 @@ class Interface:
         obstacle: The obstacle; None for an interface between bodies.
         into: Unit normal into the obstacle if the obstacle is a half-space, shape (d,); otherwise
             None.
-        dilation: Coefficient of friction μ if bodies separate as they slip, otherwise 0.
     """
 
     surfaces: tuple[str, ...]
     strength: ContactStrength
     obstacle: Obstacle | None = None
     into: Floats | None = None
-    dilation: float = 0.0
+
+    @property
+    def dilation(self) -> float:
+        """Return the coefficient of friction μ if bodies separate as they slip, otherwise 0."""
+        return self.strength.friction if self.strength.associated else 0.0
 
 
 @dataclass(eq=False)
@@ -412,10 +414,7 @@ def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
     for it in given.obstacles:
         into = it.towards(origin)[1][0] if isinstance(it, Plane) else None
         found.append(Interface((it.on,), strength_of(it), it, into))
-    return tuple(
-        replace(it, dilation=it.strength.friction if it.strength.associated else 0.0)
-        for it in found
-    )
+    return tuple(found)
 
 
 def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:

@@ -14,49 +14,43 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
-from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
-from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
-from perfplast_fenicsx.limit_analysis.facets.body_interfaces import REACH, facing_vertices, fit
-from perfplast_fenicsx.mesh.straight_geometry import gradients
-from perfplast_fenicsx.parallel import Exchange, bounding_box, send_rows
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import Flags, match_facets
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry, facet_numbers
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.parallel import Exchange, send_rows
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
 class ContactFacets:
-    """Contact facets of this rank's cells, including ghosts.
+    """Contact facets of this rank's cells.
 
     Attributes:
-        nodes: Nodes of each facet, its vertices first, shape (num_facets, num_nodes).
-        middles: Columns of ``nodes`` at the midpoints of edges, in the order of pairs of vertices,
-            shape (num_facets, num_edges); no columns for linear elements.
+        nodes: Nodes of each facet, shape (num_facets, num_nodes): its vertices, and with quadratic
+            elements the midpoints of its edges, in the order of pairs of vertices.
         cells: Cells of the facets.
         sides: Index of the vertex opposite each facet in its cell.
-        areas: Areas, 0 where another rank owns the cell. In axisymmetry, areas of the full turn at
-            the radius of the facet's midpoint.
+        areas: Areas. In axisymmetry, areas of the full turn at the radius of the facet's midpoint,
+            0 on the axis.
         normals: Unit normals that point out of the cells, shape (num_facets, d).
         tags: Tags of the surfaces.
     """
 
     nodes: Ints
-    middles: Ints
-    cells: Ints
-    sides: Ints
+    cells: Longs
+    sides: Longs
     areas: Floats
     normals: Floats
     tags: Ints
 
     def edges(self, chosen: PairFlags | slice = slice(None)) -> Ints:
         """Return the midside and end nodes of edges of chosen facets, shape (num_edges, 3)."""
-        nodes, middles = self.nodes[chosen], self.middles[chosen]
-        d = self.normals.shape[1]
-        between = np.take_along_axis(nodes, middles, axis=1)
+        nodes, d = self.nodes[chosen], self.normals.shape[1]
         found: list[Ints] = [np.zeros((0, 3), dtype=np.int32)]
-        for (a, b), at in zip(combinations(range(d), 2), between.T, strict=False):
+        for (a, b), at in zip(combinations(range(d), 2), nodes[:, d:].T, strict=False):
             found.append(np.column_stack([at, nodes[:, a], nodes[:, b]]))
         edges: Ints = np.unique(np.concatenate(found), axis=0)
         return edges
@@ -66,52 +60,31 @@ class ContactFacets:
 def contact_facets(problem: Problem) -> ContactFacets:
     """Return the contact facets of a problem. Collective."""
     V, tagged_mesh = problem.V, problem.tagged_mesh
-    topology = V.mesh.topology
-    tdim = topology.dim
-    topology.create_connectivity(tdim - 1, tdim)
-    topology.create_connectivity(tdim, tdim - 1)
+    vertices, places = corners(V.mesh)
+    geometry, tdim = (
+        FacetGeometry(problem, facet_numbers(V.mesh), places[vertices]),
+        V.mesh.topology.dim,
+    )
     tags = tagged_mesh.facet_tags
     touching = np.isin(tags.values, problem.contact_tags)
-    touching &= np.isin(tags.indices, exterior_facet_indices(topology))
+    touching &= np.isin(tags.indices, geometry.exterior)
     facets = tags.indices[touching]
-    to_cell = topology.connectivity(tdim - 1, tdim)
-    to_facet = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    cells = to_cell.array[to_cell.offsets[facets]]
-    sides = np.argmax(to_facet[cells] == facets[:, None], axis=1)
+    cells, sides = geometry.cell[facets], geometry.side[facets]
     layout = V.dofmap.dof_layout
     closure = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(tdim + 1)])
+    closure[:, tdim:] = closure[
+        :, : tdim - 1 : -1
+    ]  # the last edge of a cell has the first vertices
     nodes: Ints = V.dofmap.list[cells[:, None], closure[sides]]
-    vertices = geometry_dofmap(V.mesh)[cells][:, : tdim + 1]
-    slopes, volumes = gradients(V.mesh.geometry.x[vertices][..., :tdim])
-    inward = slopes[np.arange(len(cells)), sides]
-    steepness = np.linalg.norm(inward, axis=1)
-    owned = cells < topology.index_map(tdim).size_local
     middles = V.tabulate_dof_coordinates()[nodes, :tdim].mean(axis=1)
-    around = problem.kinematics.around(middles)
     return ContactFacets(
         nodes=nodes,
-        middles=_middles(V.tabulate_dof_coordinates()[nodes], tdim),
         cells=cells,
         sides=sides,
-        areas=np.where(owned, tdim * volumes * steepness * around, 0.0),
-        normals=-inward / steepness[:, None],
+        areas=geometry.areas(facets) * problem.kinematics.around(middles),
+        normals=geometry.normals(facets),
         tags=tags.values[touching],
     )
-
-
-def _middles(x: Floats, tdim: int) -> Ints:
-    """Return the columns of the midside nodes, one for each pair of vertices.
-
-    Args:
-        x: Coordinates of the nodes of facets, shape (num_facets, num_nodes, 3).
-        tdim: Dimension of the mesh.
-    """
-    pairs = list(combinations(range(tdim), 2))
-    found = np.zeros((len(x), len(pairs) if x.shape[1] > tdim else 0), dtype=np.int32)
-    for column, (a, b) in enumerate(pairs[: found.shape[1]]):
-        off = x[:, tdim:] - (x[:, a] + x[:, b])[:, None] / 2
-        found[:, column] = tdim + np.argmin(np.linalg.norm(off, axis=2), axis=1)
-    return found
 
 
 SAME = 1e-9
@@ -315,8 +288,8 @@ class MatchedFacets:
 
     first: Longs
     second: Longs
-    held_first: npt.NDArray[np.bool_]
-    held_second: npt.NDArray[np.bool_]
+    held_first: Flags
+    held_second: Flags
     normals: Floats
     jumps: Floats
     speeds: Floats
@@ -353,23 +326,16 @@ def matched_facets(
     Returns:
         A list with an entry for each contact; None if facets of a contact do not match.
     """
-    comm = problem.comm
     rows = _rows(problem, displacement)
     slowest = 0.0 if displacement is None else least_speed(problem, displacement)
     found = []
     for contact in problem.given.contacts:
         tags = [problem.tagged_mesh.tags_of([it]) for it in (contact.primary, contact.secondary)]
         primary, secondary = (rows[np.isin(rows["tag"], some)] for some in tags)
-        gdim = rows["normal"].shape[1]
-        low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
-        reach = REACH * float(np.linalg.norm(high - low))
-        matching = match_nodes(comm, primary, secondary, reach)
-        a, b = matching.primary, matching.secondary
-        corners = a["at"][:, :gdim]
-        order, off = facing_vertices(corners, b["at"][:, :gdim], a["normal"])
-        same = bool(fit(corners, off, a["normal"], b["normal"]).all())
-        if matching.alone or not comm.allreduce(same, MPI.LAND):
+        matched = match_facets(problem.comm, primary, secondary)
+        if matched is None:
             return None
+        a, b, order = matched
         nodes = _with_midsides(order, a["nodes"].shape[1])
 
         def opposite(values: npt.NDArray, nodes: Longs = nodes) -> npt.NDArray:
@@ -393,15 +359,14 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
     """Return the owned contact facets as rows that the ranks exchange. Collective."""
     facets = contact_facets(problem)
     gdim = facets.normals.shape[1]
-    middles = np.take_along_axis(facets.nodes, facets.middles, axis=1)
-    nodes = np.concatenate([facets.nodes[:, :gdim], middles], axis=1)[facets.areas > 0]
+    nodes = facets.nodes[facets.areas > 0]
     count = nodes.shape[1]
     rows = np.zeros(
         len(nodes),
         dtype=[
             ("x", np.float64, 3),
             ("normal", np.float64, gdim),
-            ("at", np.float64, (count, gdim)),
+            ("corners", np.float64, (gdim, gdim)),
             ("nodes", np.int64, count),
             ("held", np.bool_, (count, gdim)),
             ("u", np.float64, (count, gdim)),
@@ -409,7 +374,7 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
         ],
     )
     x = problem.V.tabulate_dof_coordinates()
-    rows["at"] = x[nodes][..., :gdim]
+    rows["corners"] = x[nodes[:, :gdim], :gdim]
     rows["x"] = x[nodes[:, :gdim]].mean(axis=1)
     rows["normal"] = facets.normals[facets.areas > 0]
     numbers = problem.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
@@ -431,8 +396,6 @@ def _with_midsides(order: Longs, count: int) -> Longs:
     middles = [place[order[:, a], order[:, b]] for a, b in edges] if count > d else []
     return np.column_stack([order, *middles]).astype(np.int64)
 
-
-Flags = npt.NDArray[np.bool_]
 
 Record = npt.NDArray[np.void]
 

@@ -51,7 +51,7 @@ from perfplast_fenicsx.contact.rows.constraints import (
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
 from perfplast_fenicsx.contact.surfaces.surface_facets import LEAST_COSINE
-from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strength_of
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import Flags, strength_of
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     SAME,
     UNSEEN,
@@ -75,7 +75,7 @@ NARROWEST = 0.02
 basis."""
 
 
-def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Ints]:
+def enclosing_cones(directions: Floats, known: Flags) -> tuple[Floats, Ints]:
     """Return cones of at most d directions that enclose given directions.
 
     For a single direction, or for two directions in a plane, the cone consists of these directions,
@@ -120,7 +120,7 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
     return vectors, np.where(wide, -1, count).astype(np.int32)
 
 
-def _triangles(at: Floats, known: npt.NDArray[np.bool_], spread: Floats) -> Floats:
+def _triangles(at: Floats, known: Flags, spread: Floats) -> Floats:
     """Return the corners of triangles around points in the plane, shape (n, 3, 2)."""
     scale = np.maximum(spread, NARROWEST / 2)
     points = at / scale[:, None]
@@ -139,9 +139,6 @@ def _triangles(at: Floats, known: npt.NDArray[np.bool_], spread: Floats) -> Floa
         ..., 0
     ]
     return corners * scale[:, None]
-
-
-Flags = npt.NDArray[np.bool_]
 
 
 def with_facet_contact(problem: Problem) -> Problem | None:

@@ -50,7 +50,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import SHEARS, Floats, Longs
 from perfplast_fenicsx.materials.mandel import mandel_size
 from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.ring_polynomials import COEFFICIENTS, EDGES, coefficients_of_radius
@@ -89,7 +89,7 @@ def cell_layout(tdim: int) -> CellLayout:
     if tdim == 3:
         corners = np.array([[centre if v == a else v for v in places] for a in places])
     first: dict[tuple[int, ...], int] = {
-        facet: tdim**2 * a for a, facet in enumerate(facets_of(tuple(places)))
+        tuple(facet): tdim**2 * a for a, facet in enumerate(facets_of(tdim).tolist())
     }
     count = outer
     for s in range(len(corners)):
@@ -107,9 +107,9 @@ def cell_layout(tdim: int) -> CellLayout:
     return CellLayout(corners, rows, outer, count - outer)
 
 
-def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the vertices of the facet opposite each vertex of a simplex."""
-    return [tuple(b for b in simplex if b != a) for a in simplex]
+def facets_of(tdim: int) -> Longs:
+    """Return the vertices of the facet opposite each vertex of a simplex, shape (d + 1, d)."""
+    return np.array([*itertools.combinations(range(tdim + 1), tdim)][::-1])
 
 
 @lru_cache
@@ -137,13 +137,8 @@ def components(gdim: int) -> Floats:
     In plane strain, no equation contains σ_zz.
     """
     E = tensors(gdim)
-    # Shear components after the diagonal components in a Mandel vector, by dimension.
-    off_diagonal = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
-    return np.stack(
-        [E[:, i, i] for i in range(gdim)]
-        + [math.sqrt(2) * E[:, i, j] for i, j in off_diagonal[gdim]],
-        axis=1,
-    )
+    shears = [math.sqrt(2) * E[:, i, j] for i, j in SHEARS[mandel_size(gdim)]]
+    return np.stack([E[:, i, i] for i in range(gdim)] + shears, axis=1)
 
 
 def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:

@@ -32,6 +32,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelociti
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     NODES,
     cell_layout,
+    facets_of,
     on_facets,
     ring_forces,
 )
@@ -83,7 +84,7 @@ class StressForm:
         rings = np.ones((len(at.facets.held), nodes))
         twins, sections = at.facets.twins, volumes ** ((tdim - 1) / tdim)
         if turned:
-            rings[on[..., None], at.numbers.places] = x[:, _others(tdim), 0]
+            rings[on[..., None], at.numbers.places] = x[:, facets_of(tdim), 0]
             rings[:, 2] = rings[:, :2].mean(axis=1)
             rings *= 2 * math.pi
             sections = sections * 2 * math.pi * x[..., 0].mean(axis=1)
@@ -115,7 +116,7 @@ class StressForm:
         """
         shares = self.shares[:, :, None, None]
         if self.turned:
-            radii = self.vertices[:, _others(2), 0]
+            radii = self.vertices[:, facets_of(2), 0]
             return np.asarray(on_facets(tractions, radii) * (4 * math.pi / NODES) * shares)
         around, _ = loads.pushes(self.slopes, self.volumes)
         return np.asarray(around + tractions * shares)
@@ -135,11 +136,6 @@ class StressForm:
         found = np.zeros((len(inside), layout.inner))
         found[:, parts] = (inside / len(parts))[:, None]
         return found
-
-
-def _others(tdim: int) -> Longs:
-    """Return the vertices of the facet opposite each vertex of a cell."""
-    return np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
 
 
 def _with_middles(twins: Longs) -> Longs:

@@ -57,6 +57,7 @@ from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     flat_faces,
     has_pair,
 )
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import facets_of
 from perfplast_fenicsx.mesh.ring_polynomials import (
     equal_parts,
     of_parts,
@@ -464,16 +465,13 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
         sums += lost.sum(), layers @ (sizes**2).mean(axis=1)
         if stress is not None:
             cells, out = facets.cells[owned], facets.normals[owned]
-            around = _others(gdim)[facets.sides[owned]]
+            around = facets_of(gdim)[facets.sides[owned]]
             tractions = (
                 matrices(stress[cells[:, None], around])[..., :gdim, :gdim] @ out[:, None, :, None]
             )
             towards = np.sign(out @ face.normal)
-            order = np.concatenate(
-                [np.tile(np.arange(gdim), (len(at), 1)), facets.middles[owned]], axis=1
-            )
-            there = face.w[np.take_along_axis(at, order.astype(np.int64), axis=1)]
-            means = np.einsum("fai,an,fni->f", tractions[..., 0], _means(at.shape[1], gdim), there)
+            mean = _means(at.shape[1], gdim)
+            means = np.einsum("fai,an,fni->f", tractions[..., 0], mean, face.w[at])
             np.add.at(shares, cells, lost + towards * area * means)
         if strength.friction:
             lacking = max(lacking, face.entered(strength.friction))
@@ -497,12 +495,6 @@ def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
     names |= {obstacle.on for obstacle in problem.given.obstacles if obstacle.rubs}
     rubs: PairFlags = np.isin(facets.tags, problem.tagged_mesh.tags_of(names))
     return rubs
-
-
-def _others(gdim: int) -> Ints:
-    """Return the vertices of the facet opposite each vertex."""
-    every = range(gdim + 1)
-    return np.array([[b for b in every if b != a] for a in every])
 
 
 def _means(num_nodes: int, gdim: int) -> Floats:
