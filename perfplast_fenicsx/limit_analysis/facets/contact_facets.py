@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -182,17 +183,19 @@ def _jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
     Along the normal, a jump is positive where a pair penetrates.
     """
-    weights, gdim = problem.constraints.weights, problem.V.dofmap.index_map_bs
-    on_nodes, on_rows = weights.createVecs()
-    values = velocity.x.array.reshape(-1, gdim)[: problem.V.dofmap.index_map.size_local]
-    jumps = np.zeros((on_rows.getLocalSize(), gdim))
-    for axis in range(gdim):
-        on_nodes.array[:] = values[:, axis]
-        weights.mult(on_nodes, on_rows)
-        jumps[:, axis] = on_rows.array_r
+    values = velocity.x.array.reshape(problem.fixed.shape)
+    return np.column_stack([_times(problem.constraints.weights, of) for of in values.T])
+
+
+def _times(matrix: PETSc.Mat, values: Floats) -> Floats:
+    """Return the product of a matrix and values at local nodes, shape (num_rows,). Collective."""
+    on_nodes, on_rows = matrix.createVecs()
+    on_nodes.array[:] = values[: on_nodes.getLocalSize()]
+    matrix.mult(on_nodes, on_rows)
+    found: Floats = on_rows.array_r.copy()
     for vector in (on_nodes, on_rows):
         vector.destroy()
-    return jumps
+    return found
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
@@ -210,13 +213,8 @@ def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
     """Return the largest velocity component at each pair, shape (num_pairs,). Collective."""
     constraints = problem.constraints
     sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
-    on_nodes, on_rows = constraints.shares.createVecs()
-    on_nodes.array[:] = sizes[: on_nodes.getLocalSize()]
-    constraints.shares.mult(on_nodes, on_rows)
     at_host = sizes[constraints.host]
-    found = np.maximum(at_host, on_rows.array_r - at_host)
-    for vector in (on_nodes, on_rows):
-        vector.destroy()
+    found = np.maximum(at_host, _times(constraints.shares, sizes) - at_host)
     return np.maximum(found, least_speed(problem, velocity))
 
 

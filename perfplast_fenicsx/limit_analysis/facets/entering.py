@@ -48,7 +48,6 @@ from perfplast_fenicsx.contact.rows.constraints import (
     stacked,
     unknowns,
 )
-from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
 from perfplast_fenicsx.contact.surfaces.surface_facets import LEAST_COSINE
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import Flags, strength_of
@@ -188,7 +187,7 @@ def _rows(
     The function returns ``None`` if the host of a pair belongs to a group of tied nodes.
     """
     comm = problem.comm
-    knots = _knots(problem, pairs, glued)
+    knots = _Knots(problem, pairs, glued)
     # Pairs within a group of tied nodes add no constraint. If only one node of a pair is in a
     # group, the other node becomes the host of the pair.
     place = np.searchsorted(knots.nodes, pairs.nodes)
@@ -255,7 +254,13 @@ class _Knots:
         held: Flags of components that supports hold, shape (n, d).
     """
 
-    def __init__(self, edges: npt.NDArray[np.void], gdim: int) -> None:
+    def __init__(self, problem: Problem, pairs: FacingNodes, glued: Flags) -> None:
+        """Find the groups, for example along edges where three bodies meet. Collective."""
+        gdim = problem.bodies.gdim
+        edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
+        mine = np.zeros(int(glued.sum()), dtype=edge)
+        mine["nodes"], mine["held"] = pairs.nodes[glued], pairs.held[glued]
+        edges = np.concatenate(problem.comm.allgather(mine))
         self.nodes, at = np.unique(edges["nodes"].ravel(), return_inverse=True)
         ends = at.reshape(-1, 2)
         size = len(self.nodes)
@@ -263,15 +268,6 @@ class _Knots:
         self.labels = connected_components(graph, directed=False)[1] if size else ends[:, 0]
         self.held = np.zeros((size, gdim), dtype=np.bool_)
         self.held[ends] = edges["held"]
-
-
-def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
-    """Return groups of tied nodes, for example along edges where three bodies meet. Collective."""
-    gdim = problem.bodies.gdim
-    edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
-    mine = np.zeros(int(glued.sum()), dtype=edge)
-    mine["nodes"], mine["held"] = pairs.nodes[glued], pairs.held[glued]
-    return _Knots(np.concatenate(problem.comm.allgather(mine)), gdim)
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
@@ -509,32 +505,23 @@ def with_associated_slip(problem: Problem) -> Problem:
 
 def _glued(problem: Problem, rows: PairFlags) -> Problem:
     """Return the problem in which chosen pairs neither separate nor slip. Collective."""
-    basis, friction = problem.basis, problem.friction
+    basis, friction, comm = problem.basis, problem.friction, problem.comm
     places = ~rows[friction.pair]
     held = np.concatenate([basis.index[rows], friction.unknowns(~places)])
     glued = replace(
         basis.holding(np.concatenate([basis.tied, held]), ~rows),
         sliding=np.setdiff1d(basis.sliding, held),
     )
-    left = _some(friction, places, np.cumsum(~rows) - 1, problem)
-    return variant(problem, basis=glued, friction=left)
-
-
-def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
-    """Return the friction at chosen places, with new pair numbers from ``numbers``. Collective."""
-    coulomb = friction.coulomb[places]
-    return Friction(
-        pair=numbers[friction.pair[places]].astype(np.int32),
-        index=friction.index[places],
-        direction=friction.direction[places],
-        area=friction.area[places],
-        coulomb=coulomb,
-        adhesion=friction.adhesion[places],
-        bound=friction.bound[places],
-        origin=friction.origin[places],
-        count=problem.comm.allreduce(int(places.sum())),
-        follows_pressure=bool(problem.comm.allreduce(float(coulomb.sum())) > 0),
+    names = ("pair", "index", "direction", "area", "coulomb", "adhesion", "bound", "origin")
+    kept = {name: getattr(friction, name)[places] for name in names}
+    kept["pair"] = (np.cumsum(~rows) - 1)[kept["pair"]].astype(np.int32)
+    left = replace(
+        friction,
+        count=comm.allreduce(int(places.sum())),
+        follows_pressure=bool(comm.allreduce(float(kept["coulomb"].sum())) > 0),
+        **kept,
     )
+    return variant(problem, basis=glued, friction=left)
 
 
 def _wedged(problem: Problem) -> Problem:

@@ -251,12 +251,11 @@ class CellCondensation:
         """
         self._rows = np.ascontiguousarray(rows, dtype=np.int64)
         self._matrices = np.ascontiguousarray(matrices)
-        self._outer, self._inner = outer, int(rows.max()) + 1 - outer
-        self._count, self._points, self._height, self._parts = matrices.shape
+        inner = int(rows.max()) + 1 - outer
+        self._sizes = outer, inner
         self._kernels, self._ffi = compiled(comm, source())
         at_once = 4  # cells that the kernels process at once
-        padded = -(-self._count // at_once) * at_once
-        inner = self._inner
+        padded = -(-len(matrices) // at_once) * at_once
         self._factors = aligned(padded * (inner * (inner + 1) // 2 + outer * inner))
         self._half = aligned(padded * inner)
 
@@ -272,17 +271,14 @@ class CellCondensation:
             The condensed matrix of the outer unknowns, shape (num_cells, outer, outer); whether the
             elimination succeeded.
         """
-        left = np.empty((self._count, self._outer, self._outer))
+        count, outer = len(self._matrices), self._sizes[0]
+        left = np.empty((count, outer, outer))
         failed = self._kernels.condense(
-            self._count,
-            self._points,
-            self._height,
-            self._parts,
+            *self._matrices.shape,
             *self._sizes,
             self._ffi.from_buffer("int64_t[]", self._rows),
-            self._given(self._matrices),
-            *(self._given(array) for array in (roots, more, ridge)),
-            *(self._taken(array) for array in (self._factors, left)),
+            *map(self._given, (self._matrices, roots, more, ridge)),
+            *map(self._taken, (self._factors, left)),
         )
         return left, failed == 0
 
@@ -293,13 +289,12 @@ class CellCondensation:
             forces: Forces on the inner unknowns, shape (num_cells, inner); the next
                 :meth:`bring_in` also uses these forces.
         """
-        onto = np.empty((self._count, self._outer))
+        onto = np.empty((len(forces), self._sizes[0]))
         self._kernels.push_out(
-            self._count,
+            len(forces),
             *self._sizes,
-            self._given(self._factors),
-            self._given(forces),
-            *(self._taken(array) for array in (self._half, onto)),
+            *map(self._given, (self._factors, forces)),
+            *map(self._taken, (self._half, onto)),
         )
         return onto
 
@@ -309,9 +304,9 @@ class CellCondensation:
         Args:
             outer: Outer unknowns, shape (num_cells, outer).
         """
-        found = np.empty((self._count, self._inner))
+        found = np.empty((len(outer), self._sizes[1]))
         self._kernels.bring_in(
-            self._count,
+            len(outer),
             *self._sizes,
             self._given(self._factors),
             self._taken(self._half),
@@ -319,10 +314,6 @@ class CellCondensation:
             self._taken(found),
         )
         return found
-
-    @property
-    def _sizes(self) -> tuple[int, int]:
-        return self._outer, self._inner
 
     def _given(self, array: Floats) -> Any:
         return self._ffi.from_buffer("double[]", np.ascontiguousarray(array, dtype=np.float64))
@@ -418,13 +409,6 @@ class CondensedStiffness(SprungMatrix):
         """Set springs at facet unknowns of single vertices; later assemblies add the springs."""
         self._springs = springs
 
-    def _stiffen(self, index: Ints, stiffness: Floats) -> None:
-        """Add the stiffness of springs to the matrix. Collective."""
-        first = self._matrix.getOwnershipRange()[0]
-        numbers = np.where(index >= 0, index + first, -1).astype(PETSc.IntType)
-        self._matrix.setValuesRCV(numbers, numbers, stiffness, addv=PETSc.InsertMode.ADD)
-        self._matrix.assemble()
-
     def check_memory(self) -> None:
         """Check from the sparsity pattern of K that its factors fit into memory. Collective.
 
@@ -457,7 +441,11 @@ class CondensedStiffness(SprungMatrix):
         self._matrix.zeroEntries()
         self._fill(self._matrix, values)
         if self._springs is not None:
-            self._stiffen(*self._springs)
+            index, stiffness = self._springs
+            first = self._matrix.getOwnershipRange()[0]
+            numbers = np.where(index >= 0, index + first, -1).astype(PETSc.IntType)
+            self._matrix.setValuesRCV(numbers, numbers, stiffness, addv=PETSc.InsertMode.ADD)
+            self._matrix.assemble()
         diagonal = self._matrix.getDiagonal()
         diagonal.scale(1 + RIDGE)
         diagonal.array[self._held] = 1.0

@@ -71,7 +71,6 @@ class MultiplierStrains:
         self.weights: Floats = volumes.ravel()
         of_points = np.repeat(cones.of_cells, points)
         self.radii, self.slopes, self.tilts = cones.at(of_points)
-        self._isotropic = cones.isotropic and not around_axis
         on_axis = np.zeros(self.count, dtype=bool)
         if around_axis:
             on_axis = coefficients_of_radius(vertices).ravel() == 0
@@ -84,15 +83,13 @@ class MultiplierStrains:
         self.sets = cones.sets_at(np.where(on_axis, -1, of_points), profile)
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
-        if not self._isotropic:
-            self.matrices = self._in_frames(cones, around_axis)
+        self.matrices = self._in_frames(cones, around_axis)
         self.rows = self.layout.rows.reshape(points, -1)
         places = (np.ones(self.rows.size), (self.rows.ravel(), np.arange(self.rows.size)))
         self._sum = sparse.csr_array(places)
         self._leave(bare)
-        on_axis_of_cells = on_axis.reshape(self.num_cells, points)
-        few = self.idle.any(axis=1) | on_axis_of_cells.any(axis=1)
-        self.few: npt.NDArray[np.bool_] = np.asarray(few)
+        few = self.idle.any(axis=1) | on_axis.reshape(self.num_cells, points).any(axis=1)
+        self.few: npt.NDArray[np.bool_] = few
 
     def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
         """Return lower bounds on profiles and slope factors at the points, or None if constant."""
@@ -157,9 +154,6 @@ class MultiplierStrains:
 
         The out-of-plane stress takes its most favourable value.
         """
-        if self._isotropic:
-            stress = np.column_stack([pressure, deviator]) @ components(self.gdim)
-            return self._frames.whole(stress)
         return self._frames.whole(self._frames.stresses(pressure, deviator))
 
     def destroy(self) -> None:
