@@ -429,7 +429,9 @@ def _of_numbers(
     if not cones:
         return BodyCone(None, never_yields(n, normal), none)
     if not isinstance(cones[0], Cone | PrincipalCone):
-        other = _parabola(cones[0]) if isinstance(cones[0], ParabolicCone) else cones[0]
+        other = cones[0]
+        if isinstance(other, ParabolicCone):
+            other = Parabola(*(float(numbers_of(it)) for it in (other.curvature, other.tension)))
         radius, slope = other.around(flat)
         around = replace(never_yields(n, normal), radius=radius, slope=slope, isotropic=False)
         return BodyCone(None, around, none, other=other)
@@ -475,11 +477,6 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
             "return value of its method yields.cones."
         )
     return plain
-
-
-def _parabola(cone: ParabolicCone) -> Parabola:
-    """Return the numbers of a parabola."""
-    return Parabola(float(numbers_of(cone.curvature)), float(numbers_of(cone.tension)))
 
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:

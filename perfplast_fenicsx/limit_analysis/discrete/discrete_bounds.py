@@ -99,9 +99,7 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
     program, now = iteration.program, iteration.now
     ratio = program.overstress(program.whole(now.stress, now.load))
     unbalanced = iteration.unbalanced()
-    if not unbalanced <= IN_BALANCE:
-        return StaticLoad(None, unbalanced)
-    if program.keeps and ratio > 1:
+    if not unbalanced <= IN_BALANCE or (program.keeps and ratio > 1):
         return StaticLoad(None, unbalanced)
     return StaticLoad(now.load / max(1.0, ratio) * program.load_unit, unbalanced)
 

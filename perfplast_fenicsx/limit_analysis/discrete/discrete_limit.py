@@ -430,22 +430,11 @@ def drucker_bounds(problem: Problem) -> DruckerBounds:
     Raises:
         InputError: If :func:`interior_point` refuses the problem.
     """
-    smooth, tied = (interior_point(make(problem)) for make in (without_friction, without_slip))
-    return DruckerBounds(_carried(smooth), _borne(tied))
-
-
-def _carried(found: LimitLoad) -> float:
-    return 0.0 if found.verdict is Verdict.NO_RESISTANCE else max(found.lower, 0.0)
-
-
-def _borne(found: LimitLoad) -> float | None:
+    smooth = interior_point(variant(problem, friction=problem.friction.smooth()))
+    tied = interior_point(without_slip(problem))
+    carried = 0.0 if smooth.verdict is Verdict.NO_RESISTANCE else max(smooth.lower, 0.0)
     known: dict[Verdict | None, float] = {Verdict.UNBOUNDED: math.inf, Verdict.NO_RESISTANCE: 0.0}
-    return known.get(found.verdict, found.upper)
-
-
-def without_friction(problem: Problem) -> Problem:
-    """Return a copy of the problem without friction. Collective."""
-    return variant(problem, friction=problem.friction.smooth())
+    return DruckerBounds(carried, known.get(tied.verdict, tied.upper))
 
 
 def without_slip(problem: Problem) -> Problem:

@@ -126,9 +126,7 @@ def _less(rubs: Rubs, factor: float) -> Rubs:
     """Return a contact or obstacle, its friction divided by a factor unless ``reduced = false``."""
     if not rubs.reduced:
         return rubs
-    tresca, coulomb = (
-        None if value is None else value / factor for value in (rubs.tresca, rubs.coulomb)
-    )
+    tresca, coulomb = (value and value / factor for value in (rubs.tresca, rubs.coulomb))
     return replace(rubs, tresca=tresca, coulomb=coulomb)
 
 

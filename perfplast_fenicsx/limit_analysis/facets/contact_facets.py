@@ -1,8 +1,7 @@
 """Match facets of surfaces in contact, and evaluate jumps of a velocity on them.
 
-The module evaluates jumps on flat contact faces in the same way as the proof checker. The jump w of
-a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein coefficients are
-its values at the vertices, and 2 w_m − (w_a + w_b)/2 at a midside node m between a and b.
+The module evaluates jumps on flat contact faces by Bernstein coefficients (:mod:`entering`), in the
+same way as the proof checker.
 """
 
 from collections.abc import Iterator

@@ -42,7 +42,6 @@ from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 
-@dataclass(frozen=True, eq=False)
 class StressForm:
     """Geometry of the cells that a rank owns, and of the rank's facets.
 
@@ -60,48 +59,27 @@ class StressForm:
         volumes: Volumes of the cells; in axisymmetry areas of their sections.
     """
 
-    vertices: Floats
-    turned: bool
-    nodes: int
-    twins: Longs
-    areas: Floats
-    measures: Floats
-    sections: Floats
-    slopes: Floats
-    shares: Floats
-    volumes: Floats
-
-    @classmethod
-    def of(cls, problem: Problem, at: BoundBody) -> "StressForm":
-        """Return the geometry of a problem. Not collective."""
-        x, on, turned = at.vertices, at.numbers.facets, problem.tagged_mesh.axisymmetric
-        tdim = x.shape[2]
-        slopes, volumes = gradients(x)
-        shares = np.linalg.norm(slopes, axis=2) * volumes[:, None]
-        nodes = NODES if turned else tdim
+    def __init__(self, at: BoundBody) -> None:
+        """Compute the geometry. Not collective."""
+        self.vertices, self.turned, on = at.vertices, at.turned, at.numbers.facets
+        tdim = self.vertices.shape[2]
+        self.slopes, self.volumes = gradients(self.vertices)
+        self.shares = np.linalg.norm(self.slopes, axis=2) * self.volumes[:, None]
+        self.nodes = NODES if self.turned else tdim
         lengths = np.zeros((len(at.facets.held), 1))
-        lengths[on, 0] = shares * tdim / nodes
-        rings = np.ones((len(at.facets.held), nodes))
-        twins, sections = at.facets.twins, volumes ** ((tdim - 1) / tdim)
-        if turned:
-            rings[on[..., None], at.numbers.places] = x[:, facets_of(tdim), 0]
+        lengths[on, 0] = self.shares * tdim / self.nodes
+        rings = np.ones((len(at.facets.held), self.nodes))
+        self.twins, self.sections = at.facets.twins, self.volumes ** ((tdim - 1) / tdim)
+        if self.turned:
+            radii = self.vertices[..., 0]
+            rings[on[..., None], at.numbers.places] = radii[:, facets_of(tdim)]
             rings[:, 2] = rings[:, :2].mean(axis=1)
             rings *= 2 * math.pi
-            sections = sections * 2 * math.pi * x[..., 0].mean(axis=1)
-            twins = _with_middles(at.facets.twins)
+            self.sections = self.sections * 2 * math.pi * radii.mean(axis=1)
+            self.twins = _with_middles(at.facets.twins)
         some = np.where(rings > 0, rings, rings.max(axis=1, keepdims=True))
-        return cls(
-            vertices=x,
-            turned=turned,
-            nodes=nodes,
-            twins=twins,
-            areas=lengths * rings,
-            measures=lengths * np.where(some > 0, some, 1.0),
-            sections=sections,
-            slopes=slopes,
-            shares=shares,
-            volumes=volumes,
-        )
+        self.areas = lengths * rings
+        self.measures = lengths * np.where(some > 0, some, 1.0)
 
     def pushes(self, tractions: Floats, loads: FacetLoads) -> Floats:
         """Return the Cartesian loads on the nodes of facets.
@@ -199,7 +177,7 @@ def static_form(problem: Problem) -> StaticForm:
     """
     mesh, at = problem.tagged_mesh.mesh, bound_body(problem)
     tdim, on = mesh.topology.dim, at.numbers.facets
-    form = StressForm.of(problem, at)
+    form = StressForm(at)
     followers = at.rigid.followers(problem.comm, at.numbers, at.vertices, form.nodes)
     facets = FacetVelocities(mesh, at.numbers, form.twins.ravel(), form.nodes, followers)
     size = form.nodes * tdim

@@ -1,12 +1,10 @@
 """Compute the upper bound from a mechanism, and each cell's share of the gap between the bounds.
 
-In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. Therefore
-the integral of the norm is at most the integral of its linear interpolation on any subdivision of
-the cell (the composite vertex rule). If volume changes vanish at the quadrature points, they vanish
-everywhere. The strain rates tr ε ≥ α‖dev ε‖ of a dilating body form a convex cone. If they are
-admissible at the vertices, they are admissible everywhere, and they dissipate (γ/α) tr ε, which is
-linear. If bodies do not penetrate each other at contacts, the result is an upper bound for the body
-that the mesh fills, not only for the mesh. :mod:`cell_dissipation` computes the dissipation by
+In a straight cell, the strain rate of a quadratic velocity is linear. If volume changes vanish at
+the quadrature points, they vanish everywhere. The strain rates tr ε ≥ α‖dev ε‖ of a dilating body
+form a convex cone. If they are admissible at the vertices, they are admissible everywhere. If
+bodies do not penetrate each other at contacts, the result is an upper bound for the body that the
+mesh fills, not only for the mesh. :mod:`cell_dissipation` computes the dissipation of cells and of
 slip.
 
 If strong bodies rest or move rigidly, their strain rates are rounding errors; the module computes
