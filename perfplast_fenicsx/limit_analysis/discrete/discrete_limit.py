@@ -387,20 +387,19 @@ def _search(
                 "bounds of blocks that collapse at their joints (control = 'bounds')"
             )
             return result(None, Verdict.UNBOUNDED, reason), None
+        verdict, reason = Verdict.UNBOUNDED, UNLIMITED
+        if problem.degree == 1:
+            reason += (
+                "; locking of linear elements has the same effect: use quadratic elements "
+                "(degree = 2 under [element])"
+            )
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = result(None, Verdict.STALLED, str(failure))
-            return found, next_start(start, program, None, Verdict.STALLED, rtol)
+            limited, verdict, reason = False, Verdict.STALLED, str(failure)
         if not limited:
-            reason = UNLIMITED
-            if problem.degree == 1:
-                reason += (
-                    "; locking of linear elements has the same effect: use quadratic elements "
-                    "(degree = 2 under [element])"
-                )
-            found = result(None, Verdict.UNBOUNDED, reason)
-            return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
+            found = result(None, verdict, reason)
+            return found, next_start(start, program, None, verdict, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
         # The steps end at this share of rtol. The remaining share allows for an increase of the

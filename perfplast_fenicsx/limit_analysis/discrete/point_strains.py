@@ -111,7 +111,6 @@ class PointCoordinates:
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
         sets: Yield sets at points without a second-order cone.
         isotropic: Whether the coordinates are the trace and the deviator at all points.
-        dilates: Whether at least one cone has a slope.
         normal: Number of normal stresses in the equations, two in plane strain.
         among: Indices of the Mandel components in the equations.
         frames: Frames of the cones.
@@ -129,7 +128,7 @@ class PointCoordinates:
             InputError: If the interior point method does not support a body's yield set.
         """
         self._cones = cones = body_cones(problem) if cones is None else cones
-        self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal
+        self.isotropic, self.normal = cones.isotropic, cones.normal
         self._size = problem.S.dofmap.index_map_bs
         self.among = [0, 1, 3] if cones.normal == 2 else list(range(self._size))
         points = problem.Q.dofmap.list[: len(cones.of_cells)]
@@ -232,18 +231,17 @@ class RingCoefficients:
         self._nodes, self._columns = nodes_of_cells(problem, len(cells))
         rho = coefficients_of_radius(x)
         off = rho > 0
-        self._matrices = np.zeros((len(x), COUNT, 4, 2 * COUNT))
-        for unknown in range(2 * COUNT):
-            v = np.zeros((len(x), 2 * COUNT))
-            v[:, unknown] = 1.0
-            rates = ring_rates(x, v.reshape(-1, COUNT, 2))
-            self._matrices[..., unknown] = np.where(
-                off[..., None], rates / np.where(off, rho, 1.0)[..., None], 0.0
-            )
+        units = np.eye(2 * COUNT).reshape(-1, 1, COUNT, 2)
+        rates = [ring_rates(x, np.repeat(unit, len(x), axis=0)) for unit in units]
+        self._matrices = np.stack(rates, axis=-1) / np.where(off, rho, np.inf)[..., None, None]
         _, areas = gradients(x)
         count = problem.Q.dofmap.index_map.size_local
         self.weights: Floats = np.zeros(count)
-        whole = 2 * math.pi * np.where(off, rho * _over_radius(x, areas), areas[:, None] / COUNT)
+        over_radius, parts = np.zeros_like(rho), equal_parts(PARTS)  # upper bounds on ∫ B_i/r
+        for part in parts:
+            weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
+            over_radius += weights @ of_parts(np.eye(COUNT)[None], part[None])[0]
+        whole = 2 * math.pi * np.where(off, rho * over_radius, areas[:, None] / COUNT)
         self.weights[self._points] = whole
         self.on_axis: PairFlags = np.zeros(count, dtype=np.bool_)
         self.on_axis[self._points] = ~off
@@ -271,22 +269,6 @@ class RingCoefficients:
         found = np.zeros_like(self._matrices).reshape(*self._matrices.shape[:3], COUNT, 2)
         found[:, :, :, self._columns] = self._matrices.reshape(found.shape)
         return found.reshape(self._matrices.shape)
-
-
-def _over_radius(x: Floats, areas: Floats) -> Floats:
-    """Return upper bounds on ∫ B_i/r in cells, shape (num_cells, 6).
-
-    Args:
-        x: Vertices of cells, shape (num_cells, 3, 2).
-        areas: Areas of the cells, shape (num_cells,).
-    """
-    parts = equal_parts(PARTS)
-    unit = np.eye(COUNT)[None]  # coefficients of each Bernstein polynomial
-    found = np.zeros((len(x), COUNT))
-    for part in parts:
-        weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
-        found += weights @ of_parts(unit, part[None])[0]
-    return found
 
 
 class Rates(Protocol):
@@ -339,7 +321,10 @@ class RatesAtPoints:
         self._places = interpolation_points(problem.S.element)
         self._strain = fem.Expression(problem.kinematics.strain(self._u), self._places)
         self._force_form = fem.form(problem.internal_form(self._stress))
-        self.weights: Floats = weights_of_points(problem)
+        vector = create_vector(problem.Q)
+        assemble_force(vector, fem.form(ufl.TestFunction(problem.Q) * problem.dx), [])
+        self.weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
+        vector.destroy()
         self.on_axis: PairFlags = np.zeros(len(self.weights), dtype=np.bool_)
 
     def of(self, v: fem.Function) -> Floats:
@@ -503,12 +488,3 @@ def forces_of_pairs(
     for thing in (strains, loads, left, of_loads):
         thing.destroy()
     return found
-
-
-def weights_of_points(problem: Problem) -> Floats:
-    """Return the volume of each point of this rank, shape (count,). Collective."""
-    vector = create_vector(problem.Q)
-    assemble_force(vector, fem.form(ufl.TestFunction(problem.Q) * problem.dx), [])
-    weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
-    vector.destroy()
-    return weights

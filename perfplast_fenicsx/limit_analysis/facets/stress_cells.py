@@ -88,9 +88,8 @@ def cell_layout(tdim: int) -> CellLayout:
     corners = np.array([list(places)])
     if tdim == 3:
         corners = np.array([[centre if v == a else v for v in places] for a in places])
-    first: dict[tuple[int, ...], int] = {
-        tuple(facet): tdim**2 * a for a, facet in enumerate(facets_of(tdim).tolist())
-    }
+    opposite = [*itertools.combinations(places, tdim)][::-1]
+    first: dict[tuple[int, ...], int] = {facet: tdim**2 * a for a, facet in enumerate(opposite)}
     count = outer
     for s in range(len(corners)):
         first[(s,)] = count  # multipliers of the part

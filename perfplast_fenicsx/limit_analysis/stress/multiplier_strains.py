@@ -182,21 +182,14 @@ class MultiplierStrains:
 
     def matrix(self) -> sparse.csr_array:
         """See :meth:`discretisation.Strains.matrix`."""
-        outer, inner = self.layout.outer, self.layout.inner
-        of_facets = self.facets.matrix().tocoo()
-        cells, k = np.divmod(of_facets.row, outer)
-        mine = np.arange(self.num_cells)[:, None] * (outer + inner) + outer + np.arange(inner)
-        number = self.facets.count + np.arange(mine.size)
-        rows = np.concatenate([cells * (outer + inner) + k, mine.ravel()])
-        places = rows, np.concatenate([of_facets.col, number])
-        values = np.concatenate([of_facets.data, np.ones(mine.size)])
-        shape = self.num_cells * (outer + inner), self.facets.count + mine.size
-        of_cells = sparse.csr_array((values, places), shape=shape)
-        columns = np.arange(self.num_cells)[:, None, None] * (outer + inner) + self.rows
+        outer = np.arange(self.num_cells * self.layout.outer).reshape(self.num_cells, -1)
+        inner = np.arange(self.num_cells * self.layout.inner).reshape(self.num_cells, -1)
+        of_cells = sparse.block_diag((self.facets.matrix(), sparse.eye_array(inner.size)))
+        columns = np.hstack([outer, outer.size + inner])[:, self.rows]
         to = np.arange(self.count * (1 + self.size)).reshape(*columns.shape[:2], 1, -1)
         both = np.broadcast_arrays(to, columns[..., None])
         at_points = (self.matrices.ravel(), tuple(it.ravel() for it in both))
-        shape = self.count * (1 + self.size), shape[0]
+        shape = self.count * (1 + self.size), outer.size + inner.size
         return sparse.csr_array(at_points, shape=shape) @ of_cells
 
     def deviators(self, deviator: Floats) -> Floats:

@@ -323,14 +323,14 @@ def _search(
         if program.degree == program.num_pairs:
             reason = "nothing can yield; give the bodies that may collapse a yield stress"
             return no_stress(body, Verdict.UNBOUNDED, reason), None
+        verdict, reason = Verdict.UNBOUNDED, UNLIMITED
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = no_stress(body, Verdict.STALLED, str(failure))
-            return found, next_start(start, program, None, found.verdict, rtol)
+            limited, verdict, reason = False, Verdict.STALLED, str(failure)
         if not limited:
-            found = no_stress(body, Verdict.UNBOUNDED, UNLIMITED)
-            return found, next_start(start, program, None, found.verdict, rtol)
+            found = no_stress(body, verdict, reason)
+            return found, next_start(start, program, None, verdict, rtol)
         none = None  # with constant loads, zero stress is not admissible even at load factor 0
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)

@@ -48,7 +48,10 @@ from perfplast_fenicsx.limit_analysis.discrete.point_strains import (
     nodes_of_cells,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
-from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strength_of
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
+    interfaces_of,
+    strength_of,
+)
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     UNSEEN,
     ContactFacets,
@@ -73,36 +76,20 @@ class MechanismRates:
     """Strain rates of a mechanism in the coordinates of the cones, and yield sets at the points.
 
     Attributes:
+        strains: The points, with their volumes and yield sets.
         trace: Traces, shape (count,).
         deviator: Deviator, shape (count, m).
         powers: Strain rates ε for computing power, Mandel vectors
             (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
-        count: Number of points of this rank.
-        gdim: Dimension of the bodies; see :class:`discretisation.Strains` for this and the next
-            four attributes.
-        weights: Volume of each point, shape (count,).
-        radii: Yield radius γ, shape (count,).
-        slopes: Slope α, shape (count,).
-        tilts: Tilt t, shape (count, m); None if all tilts are zero.
-        sets: Yield sets of other kinds, with their points.
-        profile: Factor of γ and of bounds of principal stresses where strengths vary in space,
-            shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
             that this rank owns, shape (num_cells, d + 1); None if no strength varies or cells are
             curved.
     """
 
+    strains: PointStrains
     trace: Floats
     deviator: Floats
     powers: Floats
-    count: int
-    gdim: int
-    weights: Floats
-    radii: Floats
-    slopes: Floats
-    tilts: Floats | None
-    sets: tuple[PointSets, ...]
-    profile: Floats | None = None
     above: Floats | None = None
 
 
@@ -122,8 +109,7 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
     above = None
     if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
         above = profiles_of_cells(problem, "above")
-    bounded = at.weights, at.radii, at.slopes, at.tilts, at.sets, at.profile, above
-    return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)
+    return MechanismRates(at, trace, deviator, powers, above)
 
 
 SUBDIVISIONS = 8
@@ -173,7 +159,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
         The difference between α‖dev ε‖ and tr ε where it is positive, for the cells that this rank
         owns, shape (num_cells, d + 1), or at Bernstein coefficients (num_cells, 6).
     """
-    slopes = rates.slopes[points_of_cells(problem)][:, :1]
+    slopes = rates.strains.slopes[points_of_cells(problem)][:, :1]
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))
     needed = slopes * np.linalg.norm(there[..., 1:], axis=2)
     missing: Floats = np.where(slopes > 0, np.maximum(needed - there[..., 0], 0.0), 0.0)
@@ -186,7 +172,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _SetsOfCells:
-    """Yield sets of :attr:`MechanismRates.sets`, one for each cell, at the cell's first point.
+    """Yield sets of ``rates.strains.sets``, one for each cell, at the cell's first point.
 
     Attributes:
         sets: The sets, in the order of the cells, without the strength profile.
@@ -206,15 +192,15 @@ class _SetsOfCells:
 
 
 def _sets_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
-    """Yield each item of ``rates.sets`` for the cells that this rank owns."""
-    of_points = np.full(rates.count, -1)
+    """Yield each item of ``rates.strains.sets`` for the cells that this rank owns."""
+    of_points = np.full(rates.strains.count, -1)
     first = points_of_cells(problem)[:, 0]
     of_points[first] = np.arange(len(first))
-    for sets in rates.sets:
-        if isinstance(sets, PrincipalCones) and rates.profile is not None:
-            sets = sets.scaled(1 / rates.profile)
+    for sets in rates.strains.sets:
+        if isinstance(sets, PrincipalCones) and rates.strains.profile is not None:
+            sets = sets.scaled(1 / rates.strains.profile)
         chosen = np.flatnonzero(of_points[sets.at] >= 0)
-        yield _SetsOfCells(sets.those(chosen), of_points[sets.at[chosen]], rates.count)
+        yield _SetsOfCells(sets.those(chosen), of_points[sets.at[chosen]], rates.strains.count)
 
 
 def dissipation_of_cells(
@@ -236,16 +222,16 @@ def dissipation_of_cells(
         Shape (num_cells,), for the cells that this rank owns.
     """
     points = points_of_cells(problem)
-    radii = np.where(np.isfinite(rates.radii), rates.radii, 0.0)
-    if rates.profile is not None:
-        radii = radii / rates.profile
-    volumes = rates.weights[points].sum(axis=1)
+    radii = np.where(np.isfinite(rates.strains.radii), rates.strains.radii, 0.0)
+    if rates.strains.profile is not None:
+        radii = radii / rates.strains.profile
+    volumes = rates.strains.weights[points].sum(axis=1)
     scaled = at_vertices(problem, rates.deviator * radii[:, None])
     powers = work_of_cells(volumes, scaled, subdivisions, rates.above)
-    if rates.tilts is not None:
-        along = (scaled * at_vertices(problem, rates.tilts)).sum(axis=2)
+    if rates.strains.tilts is not None:
+        along = (scaled * at_vertices(problem, rates.strains.tilts)).sum(axis=2)
         powers -= volumes * mean_of(along, rates.above)
-    slopes = rates.slopes[points][:, 0]
+    slopes = rates.strains.slopes[points][:, 0]
     if (dilating := slopes > 0).any():
         growth = at_vertices(problem, rates.trace[:, None])[..., 0]
         growth += missing_growth(problem, rates)
@@ -261,7 +247,7 @@ def _of_sets(
 ) -> Floats:
     """Return upper bounds on the dissipation of the cells with the yield sets ``one``."""
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
-    volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
+    volumes = rates.strains.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
     above = None if rates.above is None else rates.above[one.cells]
 
     def work(size: Callable[[Floats, Floats], Floats]) -> Floats:
@@ -486,13 +472,8 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
     """Return flags of the facets on surfaces with friction or adhesion."""
-    names = {
-        name
-        for contact in problem.given.contacts
-        if contact.rubs
-        for name in (contact.primary, contact.secondary)
-    }
-    names |= {obstacle.on for obstacle in problem.given.obstacles if obstacle.rubs}
+    rubbing = (it for it in interfaces_of(problem) if it.strength.adhesion or it.strength.friction)
+    names = {name for it in rubbing for name in it.surfaces}
     rubs: PairFlags = np.isin(facets.tags, problem.tagged_mesh.tags_of(names))
     return rubs
 

@@ -203,11 +203,11 @@ class _Flow:
     def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
         """Compute the sums over all ranks. Collective."""
         self.problem, self.mechanism, self.rates = problem, mechanism, rates
-        trace, deviator, weights = rates.trace, rates.deviator, rates.weights
+        trace, deviator, weights = rates.trace, rates.deviator, rates.strains.weights
         comm = problem.comm
-        self.plastic, self.dilating = np.isfinite(rates.radii), rates.slopes > 0
+        self.plastic, self.dilating = np.isfinite(rates.strains.radii), rates.strains.slopes > 0
         self.squares: Floats = np.einsum("ni,ni->n", deviator, deviator)
-        volume = trace**2 / rates.gdim
+        volume = trace**2 / rates.strains.gdim
         wrong = np.where(self.dilating, 0.0, volume) + np.where(self.plastic, 0.0, self.squares)
         self.volumes: Floats = weights[points_of_cells(problem)].sum(axis=1)
         self.short = missing_growth(problem, rates)
@@ -221,7 +221,7 @@ class _Flow:
         through = problem.guides.through(problem.ties, mechanism.x.petsc_vec)
         self.is_held = max(largest[0], through) <= ADMISSIBLE * largest[1]
         slowest = 1e-5  # strain rate, relative to the velocity divided by the size of the bodies
-        usual = largest[1] / self.total ** (1 / rates.gdim)
+        usual = largest[1] / self.total ** (1 / rates.strains.gdim)
         self.slowest = (slowest * usual) ** 2 * self.total
 
 
@@ -276,13 +276,13 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
         subdivisions: Parts of a cell's edge.
     """
     problem, mechanism, rates = flow.problem, flow.mechanism, flow.rates
-    weights, volumes = rates.weights, flow.volumes
+    weights, volumes = rates.strains.weights, flow.volumes
     if isinstance(problem.kinematics, RingFlux):
         mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
     else:
         mine = dissipation_of_cells(problem, rates, subdivisions).sum()
-    radii = np.where(flow.plastic, rates.radii, 0.0)
-    steepness = np.divide(radii, rates.slopes, out=radii.copy(), where=flow.dilating)
+    radii = np.where(flow.plastic, rates.strains.radii, 0.0)
+    steepness = np.divide(radii, rates.strains.slopes, out=radii.copy(), where=flow.dilating)
     strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
     added = _of_rounding(problem, mechanism, strengths).sum()
     norms = np.sqrt(flow.squares)
@@ -292,7 +292,7 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
     wrongly = np.column_stack([kept, np.where(flow.plastic[:, None], 0.0, rates.deviator)])
     sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + flow.short
     sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
-    sums += [volumes @ sizes.max(axis=1), (rates.radii == 0).sum()]
+    sums += [volumes @ sizes.max(axis=1), (rates.strains.radii == 0).sum()]
     return _Cost(*map(float, problem.comm.allreduce(np.array(sums))))
 
 
@@ -348,7 +348,7 @@ def gap_shares(
         return _of_rings(problem, rates, mechanism, stress)
     most = dissipation_of_cells(problem, rates)
     there = at_vertices(problem, rates.powers)
-    volumes = rates.weights[points_of_cells(problem)].sum(axis=1)
+    volumes = rates.strains.weights[points_of_cells(problem)].sum(axis=1)
     shares: Floats = most - volumes * mean_of(there, stress).sum(axis=1)
     shares += slip_work(problem, mechanism, stress).shares
     return shares
@@ -371,7 +371,7 @@ def _of_rings(
     else:
         at = interpolation_points(problem.S.element)
         shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
-        powers, weights = rates.powers[points], rates.weights[points]
+        powers, weights = rates.powers[points], rates.strains.weights[points]
     radii = x[..., 0] @ shares.T
     work = np.einsum("pi,cim,cpm->cp", polynomials(shares), stress, powers) / radii
     power = np.einsum("cp,cp->c", weights, work)
