@@ -130,8 +130,11 @@ class BodyCones:
         Returns:
             Factors, shape (n,); 1 for cones whose slope does not vary.
         """
-        sines = [cone.friction for cone in self.cones]
-        return _values(sines, numbers, lambda sine, here: of(sine, here) / NOMINAL_SINE)
+
+        def share(sine: SpatialField, here: Longs) -> Floats:
+            return np.asarray(of(sine, here) / NOMINAL_SINE, np.float64)
+
+        return _values([cone.friction for cone in self.cones], numbers, share)
 
     @property
     def isotropic(self) -> bool:

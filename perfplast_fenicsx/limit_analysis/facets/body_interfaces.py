@@ -196,14 +196,14 @@ def pair_facets(
     guests = np.empty(len(a), dtype=np.dtype([("facet", np.int64), flags]))
     guests["facet"], guests["aligned"] = guest["facet"], aligned
     mine = send_rows(comm, hosts, hosts["rank"])
-    turned = send_rows(comm, guests[both], guest["rank"][both])
+    others = send_rows(comm, guests[both], guest["rank"][both])
     both_held = bool((a["held"].any(axis=1) & b["held"].any(axis=1)).any())
     return FacetPairs(
         host=mine["facet"],
         guest=mine["guest"],
         aligned=mine["aligned"],
-        turned=turned["facet"],
-        turned_aligned=turned["aligned"],
+        turned=others["facet"],
+        turned_aligned=others["aligned"],
         both_held=both_held,
     )
 
@@ -403,8 +403,7 @@ class InterfaceFacets:
 
 def by_friction_alone(problem: Problem) -> bool:
     """Return whether any surface has nonassociated friction and no adhesion."""
-    found = [it for it in interfaces_of(problem) if it.dilation == 0]
-    return any(it.strength.loose for it in found)
+    return any(it.dilation == 0 and it.strength.loose for it in interfaces_of(problem))
 
 
 def interfaces_of(problem: Problem) -> tuple[Interface, ...]:

@@ -273,20 +273,17 @@ class MatchedFacets:
     """Pairs of opposite facets, each on one rank; their nodes are the vertices, then the midsides.
 
     Attributes:
-        first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
-        second: Global numbers of the nodes opposite ``first``, in the same order.
-        held_first: Flags of components that supports hold, shape (n, num_nodes, d).
-        held_second: The same flags for the opposite nodes.
+        nodes: Global numbers of opposite nodes, the primary facet's node first, shape (n,
+            num_nodes, 2).
+        held: Flags of components that supports hold at these nodes, shape (n, num_nodes, 2, d).
         normals: Unit normals out of the primary body, shape (n, d).
         jumps: Jumps u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
         speeds: Largest displacement component on both facets, at least :func:`least_speed`, shape
             (n,).
     """
 
-    first: Longs
-    second: Longs
-    held_first: Flags
-    held_second: Flags
+    nodes: Longs
+    held: Flags
     normals: Floats
     jumps: Floats
     speeds: Floats
@@ -294,7 +291,7 @@ class MatchedFacets:
     def edges(self) -> list[tuple[int, int]]:
         """Return the columns of the vertices at both ends of each midside's edge, by midside."""
         d = self.normals.shape[1]
-        return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
+        return list(combinations(range(d), 2)) if self.nodes.shape[1] > d else []
 
     def coefficients(self) -> Floats:
         """Return Bernstein coefficients of the jumps along normals, shape (n, num_nodes)."""
@@ -333,19 +330,13 @@ def matched_facets(
         if matched is None:
             return None
         a, b, order = matched
-        nodes = _with_midsides(order, a["nodes"].shape[1])
-
-        def opposite(values: npt.NDArray, nodes: Longs = nodes) -> npt.NDArray:
-            return values[np.arange(len(nodes))[:, None], nodes]
-
+        there = np.arange(len(order))[:, None], _with_midsides(order, a["nodes"].shape[1])
         found.append(
             MatchedFacets(
-                a["nodes"],
-                opposite(b["nodes"]),
-                a["held"],
-                opposite(b["held"]),
+                np.stack([a["nodes"], b["nodes"][there]], axis=2),
+                np.stack([a["held"], b["held"][there]], axis=2),
                 a["normal"],
-                a["u"] - opposite(b["u"]),
+                a["u"] - b["u"][there],
                 np.maximum(np.abs(np.stack([a["u"], b["u"]])).max(axis=(0, 2, 3)), slowest),
             )
         )
@@ -462,9 +453,9 @@ def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
 
 def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
     """Return a row for each pair of opposite nodes of each pair of facets."""
-    n, count = facets.first.shape
+    pairs = facets.nodes
     rows = np.zeros(
-        (n, count),
+        pairs.shape[:2],
         dtype=[
             ("nodes", np.int64, 2),
             ("ends", np.int64, (2, 2)),
@@ -473,10 +464,8 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
             ("contact", np.int64),
         ],
     )
-    pairs = np.stack([facets.first, facets.second], axis=2)
     rows["nodes"], rows["ends"], rows["contact"] = pairs, -1, contact
-    rows["held"] = np.stack([facets.held_first, facets.held_second], axis=2)
-    rows["normal"] = facets.normals[:, None]
+    rows["held"], rows["normal"] = facets.held, facets.normals[:, None]
     for node, edge in enumerate(facets.edges(), start=gdim):
         rows["ends"][:, node] = pairs[:, list(edge)]
     swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # the same for all facets

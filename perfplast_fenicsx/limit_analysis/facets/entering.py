@@ -201,9 +201,8 @@ def _rows(
     lost = kept & inside[np.arange(len(pairs)), hosts]
     if comm.allreduce(int(lost.sum())):
         return None
-    which = np.repeat(np.flatnonzero(kept), count[kept])
-    slot = np.arange(len(which)) - np.repeat(np.cumsum(count[kept]) - count[kept], count[kept])
     gdim = vectors.shape[2]
+    which, slot = np.nonzero(np.arange(gdim) < np.where(kept, count, 0)[:, None])
     rows: npt.NDArray[np.void] = np.zeros(
         len(which),
         dtype=[

@@ -89,7 +89,7 @@ class MultiplierStrains:
         self._sum = sparse.csr_array(places)
         self._leave(bare)
         few = self.idle.any(axis=1) | on_axis.reshape(self.num_cells, points).any(axis=1)
-        self.few: npt.NDArray[np.bool_] = few
+        self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
         """Return lower bounds on profiles and slope factors at the points, or None if constant."""
@@ -115,10 +115,9 @@ class MultiplierStrains:
             there = ends[:, self.layout.corners].reshape(self.num_cells, -1)
             self.matrices[there] = 0.0
             of_points = there.ravel()
-            self.radii = np.where(of_points, np.inf, self.radii)
-            self.slopes = np.where(of_points, 0.0, self.slopes)
+            self.radii[of_points], self.slopes[of_points] = np.inf, 0.0
             if self.tilts is not None:
-                self.tilts = np.where(of_points[:, None], 0.0, self.tilts)
+                self.tilts[of_points] = 0.0
             self.sets = tuple(it.those(~of_points[it.at]) for it in self.sets)
         self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
 

@@ -489,15 +489,9 @@ def _means(num_nodes: int, gdim: int) -> Floats:
     Returns:
         Shape (gdim, num_nodes).
     """
-    quadratic = num_nodes > gdim
-    groups = [(a, a) if quadratic else (a,) for a in range(gdim)]
-    groups += list(combinations(range(gdim), 2)) if quadratic else []
-    found = np.zeros((gdim, num_nodes))
-    for a in range(gdim):
-        for column, group in enumerate(groups):
-            factors = [a, *group]
-            count = [factors.count(i) for i in range(gdim)]
-            ways = math.prod(math.factorial(i) for i in count)
-            share = ways * math.factorial(gdim - 1) / math.factorial(gdim - 1 + len(factors))
-            found[a, column] = share * (2 if len(set(group)) > 1 else 1)
-    return found
+    same = np.eye(gdim)
+    if num_nodes == gdim:
+        return (1 + same) / (gdim * (gdim + 1))
+    edges = np.array([*combinations(range(gdim), 2)])
+    parts = np.hstack([1 + 2 * same, 1 + same[:, edges].sum(axis=2)])
+    return 2 * parts / (gdim * (gdim + 1) * (gdim + 2))
