@@ -14,9 +14,9 @@ A slope q that varies with the friction angle has one value for each cell
 from typing import Literal
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
+from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
@@ -287,14 +287,10 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
     stiff = sorted(problem.tagged_mesh.volumes.keys() - _radii(problem, least=0.0).keys())
     told = []
     for name in stiff:
-        inside = problem.create_vector()
-        with inside.localForm() as local:
-            local.set(0.0)
-            nodes = np.unique(V.dofmap.list[problem.tagged_mesh.cells(name)])
-            local.array.reshape(-1, gdim)[nodes] = 1.0
-        inside.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        mine = inside.array_r.reshape(owned, gdim)[:, 0] > 0
-        inside.destroy()
+        inside = la.vector(V.dofmap.index_map, 1)
+        inside.array[V.dofmap.list[problem.tagged_mesh.cells(name)]] = 1.0
+        inside.scatter_reverse(la.InsertMode.add)
+        mine = inside.array[:owned] > 0
         sums = np.stack([live[mine].sum(axis=0), np.abs(live[mine]).sum(axis=0)])
         force, size = comm.allreduce(sums)
         held = comm.allreduce(problem.fixed[:owned][mine].sum(axis=0)) > 0

@@ -16,7 +16,7 @@ is faster than a new search.
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from mpi4py import MPI
 
@@ -180,10 +180,10 @@ class StaticBound:
             In 3D, the points are the vertices of the four parts, one part after the other; in part
             a, the barycentre replaces vertex a. In axisymmetry, the values are Bernstein
             coefficients of rσ, which is quadratic (:mod:`stress_cells`).
-        aside: Factor of the free loads, if there are free loads.
         dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers in each owned cell, normalised
             to L = 1. If bodies preserve their volume, the sum over all cells equals the bound up to
             the tolerance. Refinement is most effective in cells with a large dissipation.
+        aside: Factor of the free loads, if there are free loads.
         certificate: Residuals of the stress; None without a stress.
         steps: Steps of the iteration.
         factorisations: Number of factorisations of stiffness matrices.
@@ -193,11 +193,11 @@ class StaticBound:
     verdict: Verdict
     reason: str
     stress: Floats
-    aside: float
     dissipation: Floats
-    certificate: StaticCertificate | None
-    steps: list[InteriorStep]
-    factorisations: int
+    aside: float = 0.0
+    certificate: StaticCertificate | None = None
+    steps: list[InteriorStep] = field(default_factory=list)
+    factorisations: int = 0
 
     def __repr__(self) -> str:
         return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"
@@ -214,11 +214,7 @@ def no_stress(
         verdict=verdict,
         reason=reason,
         stress=np.zeros(shape),
-        aside=0.0,
         dissipation=np.zeros(count),
-        certificate=None,
-        steps=[],
-        factorisations=0,
     )
 
 

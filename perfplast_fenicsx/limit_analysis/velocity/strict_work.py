@@ -110,9 +110,7 @@ def strict_upper_bound(
             " use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
-    flow = _Flow(
-        problem, mechanism, mechanism_rates(problem, mechanism) if rates is None else rates
-    )
+    flow = _Flow(problem, mechanism, rates)
     velocity, slip = mechanism.x.petsc_vec, slip_work(problem, mechanism)
     work, dead, aside = question.of(
         problem.loads.alpha(velocity), problem.loads.dead_work(velocity)
@@ -200,8 +198,11 @@ class _Flow:
         slowest: Least value for ``whole`` if bodies can separate without strain.
     """
 
-    def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
-        """Compute the sums over all ranks. Collective."""
+    def __init__(
+        self, problem: Problem, mechanism: fem.Function, rates: MechanismRates | None = None
+    ) -> None:
+        """Compute the sums over all ranks, and the rates unless they are given. Collective."""
+        rates = rates or mechanism_rates(problem, mechanism)
         self.problem, self.mechanism, self.rates = problem, mechanism, rates
         trace, deviator, weights = rates.trace, rates.deviator, rates.strains.weights
         comm = problem.comm
@@ -342,8 +343,7 @@ def gap_shares(
     Returns:
         Shape (num_cells,).
     """
-    if rates is None:
-        rates = mechanism_rates(problem, mechanism)
+    rates = rates or mechanism_rates(problem, mechanism)
     if problem.tagged_mesh.axisymmetric:
         return _of_rings(problem, rates, mechanism, stress)
     most = dissipation_of_cells(problem, rates)
@@ -406,7 +406,7 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
         return rates
     entered, motion = _entered(problem, mechanism), _stretch(problem)
     mechanism.x.array[:] = motion
-    flow = _Flow(problem, mechanism, mechanism_rates(problem, mechanism))
+    flow = _Flow(problem, mechanism)
     steps = 12  # doublings, up to some thousand times the missing dilatancy
     if max(flow.part, flow.lacking) > ADMISSIBLE**2 * flow.whole:
         steps = 0
