@@ -127,7 +127,7 @@ class PointCoordinates:
         Raises:
             InputError: If the interior point method does not support a body's yield set.
         """
-        self._cones = cones = body_cones(problem) if cones is None else cones
+        self._cones = cones = cones or body_cones(problem)
         self.isotropic, self.normal = cones.isotropic, cones.normal
         self._size = problem.S.dofmap.index_map_bs
         self.among = [0, 1, 3] if cones.normal == 2 else list(range(self._size))

@@ -401,7 +401,6 @@ def without_entering(problem: Problem) -> Problem | None:
     count = len(constraints.host)
     numbers = np.arange(first, first + count, dtype=np.float64)
     nodes, areas = facets.nodes, facets.areas
-    num_nodes = len(problem.fixed)
     area = np.zeros(count)
     combine = PETSc.Mat().createAIJ(((count, None), (count, None)), nnz=4, comm=problem.comm)
     combine.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
@@ -413,9 +412,10 @@ def without_entering(problem: Problem) -> Problem | None:
         row, known = at_nodes(problem, numbers, chosen)
         here = known[nodes].any(axis=1)
         share = np.repeat(areas[here] / nodes.shape[1], nodes.shape[1])
-        on_nodes = np.zeros(num_nodes)
-        np.add.at(on_nodes, nodes[here].ravel(), share)
-        area[chosen] = _summed(problem, on_nodes)[constraints.host[chosen]]
+        sums = la.vector(problem.V.dofmap.index_map, 1)
+        np.add.at(sums.array, nodes[here].ravel(), share)
+        sums.scatter_reverse(la.InsertMode.add)
+        area[chosen] = sums.array[constraints.host[chosen]]
         edges = facets.edges()
         edges = edges[known[edges[:, 0]]]
         middle = np.rint(row[edges[:, 0]]).astype(PETSc.IntType)
@@ -452,15 +452,6 @@ def without_entering(problem: Problem) -> Problem | None:
         basis=basis,
         friction=friction.at(basis.sliding),
     )
-
-
-def _summed(problem: Problem, values: Floats) -> Floats:
-    """Return the sums over ranks of values at local nodes, including ghosts. Collective."""
-    sums = la.vector(problem.V.dofmap.index_map, 1)
-    sums.array[:] = values
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    return np.array(sums.array, dtype=np.float64)
 
 
 def with_strict_contact(problem: Problem) -> Problem:

@@ -350,9 +350,7 @@ class CondensedStiffness(SprungMatrix):
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
         comm = facets.vector.comm.tompi4py()
-        shape = strains.num_cells, len(strains.rows), *strains.matrices.shape[-2:]
-        given = strains.rows, strains.matrices.reshape(shape), layout.outer
-        self._cells = CellCondensation(comm, *given)
+        self._cells = CellCondensation(comm, strains.rows, strains.matrices, layout.outer)
         self._right, self._found = self._matrix.createVecs()
 
     def destroy(self) -> None:
