@@ -151,12 +151,6 @@ class BodyCones:
         """Return whether at least one cone has no cohesion."""
         return any(cone.standard.radius == 0 for cone in self.cones)
 
-    @property
-    def all_loose(self) -> bool:
-        """Return whether there are bodies that can yield, all without cohesion."""
-        plastic = [it.standard.radius for it in self.cones if np.isfinite(it.standard.radius)]
-        return bool(plastic) and not any(plastic)
-
     def principal_at(self, numbers: Longs) -> PrincipalCones:
         """Return the sets of principal stresses at the points that have such sets.
 

@@ -175,10 +175,8 @@ class FrictionStrains:
         both = np.broadcast_arrays(to[:, : rows.shape[1], None], places.unknowns[:, None])
         there = both[1] >= 0
         at_places = (rows[there], tuple(it[there] for it in both))
-        shape = to.size, of_points.shape[1]
-        return sparse.csr_array(
-            sparse.vstack([of_points, sparse.csr_array(at_places, shape=shape)])
-        )
+        of_places = sparse.csr_array(at_places, shape=(to.size, of_points.shape[1]))
+        return sparse.vstack([of_points, of_places], format="csr")
 
     def deviators(self, deviator: Floats) -> Floats:
         """See :meth:`discretisation.Strains.deviators`."""

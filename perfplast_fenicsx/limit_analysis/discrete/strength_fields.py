@@ -346,7 +346,9 @@ def check_cohesion(problem: Problem) -> None:
         InputError: If no body has cohesion, unless some loads are constant and others grow.
     """
     grows, stays = problem.loads.grows(), problem.loads.has_dead()
-    if body_cones(problem).all_loose and not (grows and stays):
+    radii = [cone.standard.radius for cone in body_cones(problem).cones]
+    plastic = [radius for radius in radii if np.isfinite(radius)]
+    if plastic and not any(plastic) and not (grows and stays):
         raise InputError(
             "cohesion = 0: ground without cohesion has a finite, nonzero limit load only if "
             "constant loads compress it while other loads grow; give constant loads and one that "

@@ -147,14 +147,17 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
     faces = flat_faces(problem)
     if faces is None or not len(faces):
         return
-    facets = contact_facets(problem)
-    nodes, fixed = facets.nodes, problem.fixed
-    paired, jumps = has_pair(problem), _jump_vectors(problem, velocity)
-    beside = _speeds_of_pairs(problem, velocity)
-    sizes = np.abs(velocity.x.array.reshape(fixed.shape)).max(axis=1, initial=0.0)
+    facets, constraints = contact_facets(problem), problem.constraints
+    nodes, fixed, paired = facets.nodes, problem.fixed, has_pair(problem)
+    values = velocity.x.array.reshape(fixed.shape)
+    jumps = [_times(constraints.weights, of) for of in values.T]
+    sizes = np.abs(values).max(axis=1, initial=0.0)
+    at_host = sizes[constraints.host]  # and beside: the largest component at each pair
+    beside = np.maximum(at_host, _times(constraints.shares, sizes) - at_host)
+    beside = np.maximum(beside, least_speed(problem, velocity))
     for face in faces:
         chosen, normal = rows_of(problem, face), face[1:]
-        of = [at_nodes(problem, values, chosen) for values in (*jumps.T, beside)]
+        of = [at_nodes(problem, values, chosen) for values in (*jumps, beside)]
         w, known = np.column_stack([values for values, _ in of[:-1]]), of[0][1]
         kept = ~paired & (fixed | (np.abs(normal) <= SAME)).all(axis=1)
         here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
@@ -177,15 +180,6 @@ def has_pair(problem: Problem) -> PairFlags:
     return at_nodes(problem, np.zeros(len(every)), every)[1]
 
 
-def _jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the jump vectors of pairs, shape (num_pairs, d). Collective.
-
-    Along the normal, a jump is positive where a pair penetrates.
-    """
-    values = velocity.x.array.reshape(problem.fixed.shape)
-    return np.column_stack([_times(problem.constraints.weights, of) for of in values.T])
-
-
 def _times(matrix: PETSc.Mat, values: Floats) -> Floats:
     """Return the product of a matrix and values at local nodes, shape (num_rows,). Collective."""
     on_nodes, on_rows = matrix.createVecs()
@@ -206,15 +200,6 @@ def least_speed(problem: Problem, velocity: fem.Function) -> float:
     slowest = 1e-8  # share of the largest velocity, as in the proof checker
     mine = float(np.abs(velocity.x.array).max(initial=0.0))
     return slowest * float(problem.comm.allreduce(mine, MPI.MAX))
-
-
-def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the largest velocity component at each pair, shape (num_pairs,). Collective."""
-    constraints = problem.constraints
-    sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
-    at_host = sizes[constraints.host]
-    found = np.maximum(at_host, _times(constraints.shares, sizes) - at_host)
-    return np.maximum(found, least_speed(problem, velocity))
 
 
 @once_a_problem
