@@ -432,7 +432,11 @@ def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
     np.minimum.at(contact, of.ravel(), rows["contact"])
     both: Flags = np.asarray(held.all(axis=1), dtype=np.bool_)
     normals = np.where(both[:, None], 0.0, normals)
-    crowded = _crowded(problem, nodes)
+    asked = Exchange(comm, owners(problem, nodes.ravel()))
+    there = asked.forward(nodes.ravel())
+    _, places, times = np.unique(there, return_inverse=True, return_counts=True)
+    often = asked.back(times[places.ravel()]).reshape(-1, 2) > 1
+    crowded: Flags = np.asarray(often.any(axis=1))
     return FacingNodes(nodes, rows["ends"][first], held, normals, known, contact, crowded)
 
 
@@ -458,12 +462,3 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
         rows[name][swapped] = np.flip(rows[name][swapped], axis=axis)
     rows["normal"][swapped] *= -1.0
     return rows.ravel()
-
-
-def _crowded(problem: Problem, nodes: Longs) -> Flags:
-    """Return flags of pairs with a node that is in several pairs. Collective."""
-    asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
-    there = asked.forward(nodes.ravel())
-    _, of, times = np.unique(there, return_inverse=True, return_counts=True)
-    often = (asked.back(times[of.ravel()]) > 1).reshape(-1, 2).any(axis=1)
-    return np.asarray(often, dtype=np.bool_)

@@ -15,10 +15,8 @@ import numpy as np
 from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.kinematics import ON_AXIS, RingFlux
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -37,26 +35,17 @@ def by_flux(problem: Problem) -> Problem:
     """
     given = problem.given
     still = [replace(one, value=0.0) for one in given.supports]
-    contacts = [_as_meshed(one) for one in given.contacts]
+    contacts = [
+        one if one.gap is None else replace(one, gap=None, interference=False, constant=True)
+        for one in given.contacts
+    ]
     given = replace(given, supports=still, contacts=contacts, initial=())
-    found = Problem.from_given(_with_flux(problem.tagged_mesh), given)
+    low, high = bounding_box(problem.comm, problem.tagged_mesh.mesh.geometry.x.astype(float))
+    shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
+    section = RingFlux(shift)
+    found = Problem.from_given(replace(problem.tagged_mesh, section=section), given)
     _check_rings_meet(found)
     return found
-
-
-def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
-    """Return the same straight mesh with v as the unknown. Collective."""
-    x = tagged_mesh.mesh.geometry.x.astype(np.float64)
-    low, high = bounding_box(tagged_mesh.mesh.comm, x)
-    shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
-    return replace(tagged_mesh, section=RingFlux(shift))
-
-
-def _as_meshed(contact: Contact) -> Contact:
-    """Return the contact with the gap of the mesh instead of a declared gap."""
-    if contact.gap is None:
-        return contact
-    return replace(contact, gap=None, interference=False, constant=True)
 
 
 def _check_rings_meet(problem: Problem) -> None:

@@ -37,7 +37,7 @@ from mpi4py import MPI
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags, matrices
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, matrices
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
@@ -54,7 +54,6 @@ from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
 )
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     UNSEEN,
-    ContactFacets,
     contact_facets,
     face_jumps,
     flat_faces,
@@ -435,7 +434,9 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
     nodes, gdim = facets.nodes, facets.normals.shape[1]
     constraints = problem.constraints
     moves = ~has_pair(problem) & ~problem.fixed.all(axis=1)
-    unknown = bool(moves[nodes[_that_rub(problem, facets)]].any())
+    rubbing = (it for it in interfaces_of(problem) if it.strength.adhesion or it.strength.friction)
+    tags = problem.tagged_mesh.tags_of({name for it in rubbing for name in it.surfaces})
+    unknown = bool(moves[nodes[np.isin(facets.tags, tags)]].any())
     sums, lacking = np.zeros(2), 0.0
     for face in face_jumps(problem, velocity):
         strength = strengths[face.source]
@@ -468,14 +469,6 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
     found = tuple(words for words, is_so in why.items() if is_so)
     power, squares = comm.allreduce(sums)
     return SlipWork(float(power), float(squares), found, shares)
-
-
-def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
-    """Return flags of the facets on surfaces with friction or adhesion."""
-    rubbing = (it for it in interfaces_of(problem) if it.strength.adhesion or it.strength.friction)
-    names = {name for it in rubbing for name in it.surfaces}
-    rubs: PairFlags = np.isin(facets.tags, problem.tagged_mesh.tags_of(names))
-    return rubs
 
 
 def _means(num_nodes: int, gdim: int) -> Floats:
