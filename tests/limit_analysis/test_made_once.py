@@ -25,8 +25,8 @@ from tests.models import touching_blocks
 FACTS: dict[str, tuple[ModuleType, str]] = {
     "body": (bound_body, "facet_numbers"),
     "interfaces": (bound_body, "interfaces_of"),
-    "cones": (body_cones, "_components"),
-    "facets in contact": (contact_facets, "geometry_dofmap"),
+    "cones": (body_cones, "_cones"),
+    "facets in contact": (contact_facets, "facet_numbers"),
     "equilibrium": (static_form, "bound_body"),
     "strains of the program": (discrete_limit, "PointStrains"),
     "strains of the mechanism": (cell_dissipation, "PointStrains"),
