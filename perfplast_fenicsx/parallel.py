@@ -1,4 +1,4 @@
-"""Provide lasting communicators, the exchange of array rows between ranks, and bounding boxes."""
+"""Provide lasting communicators, rows and sums of several ranks, and bounding boxes."""
 
 import math
 
@@ -7,6 +7,8 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import la
+from dolfinx.common import IndexMap
 
 from perfplast_fenicsx.arrays import Floats, Longs
 
@@ -142,3 +144,26 @@ def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     return low, high
+
+
+def sums_at(
+    index_map: IndexMap, width: int, *parts: tuple[npt.NDArray[np.integer], npt.ArrayLike]
+) -> Floats:
+    """Return sums of rows at mesh entities or nodes over all ranks. Collective.
+
+    Args:
+        index_map: The entities or nodes.
+        width: Length of a row.
+        parts: Pairs of local indices, shape (n,), and rows, shape (n, width) or one that broadcasts
+            to it. An index may occur several times.
+
+    Returns:
+        Shape (num_local, width) with the ghosts of this rank.
+    """
+    vector = la.vector(index_map, width, dtype=np.float64)
+    table = vector.array.reshape(-1, width)
+    for entities, rows in parts:
+        np.add.at(table, entities, rows)
+    vector.scatter_reverse(la.InsertMode.add)
+    vector.scatter_forward()
+    return table.copy()

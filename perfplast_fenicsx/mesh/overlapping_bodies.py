@@ -19,7 +19,6 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import la
 from dolfinx.common import IndexMap
 from scipy.spatial import KDTree
 
@@ -28,7 +27,7 @@ from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.mesh.facet_sides import sides_of_facets
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import bounding_box, send_rows
+from perfplast_fenicsx.parallel import bounding_box, send_rows, sums_at
 
 AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
@@ -286,12 +285,8 @@ def _sagittas(
     Collective. The estimate is zero if all facets at the vertex lie in one plane; otherwise it is
     about the largest estimate of a single facet.
     """
-    sums = la.vector(vertices, area.shape[1], dtype=np.float64)
-    mean = sums.array.reshape(-1, area.shape[1])
-    mean[:] = 0.0
-    np.add.at(mean, ends.ravel(), np.repeat(area, ends.shape[1], axis=0))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    at_ends = (ends.ravel(), np.repeat(area, ends.shape[1], axis=0))
+    mean = sums_at(vertices, area.shape[1], at_ends)
     across = np.einsum("nki,ni->nk", mean[ends], area)
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
@@ -303,12 +298,8 @@ def _sagittas(
     sagitta = caution * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
     longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0
     # the sum of high powers is about the power of the largest
-    powers = la.vector(vertices, 1, dtype=np.float64)
-    powers.array[:] = 0.0
-    np.add.at(powers.array, ends.ravel(), np.repeat((sagitta / longest) ** 8, ends.shape[1]))
-    powers.scatter_reverse(la.InsertMode.add)
-    powers.scatter_forward()
-    return np.asarray(longest * powers.array ** (1 / 8))
+    powers = np.repeat((sagitta / longest) ** 8, ends.shape[1])[:, None]
+    return np.asarray(longest * sums_at(vertices, 1, (ends.ravel(), powers))[:, 0] ** (1 / 8))
 
 
 def _deepest(

@@ -34,7 +34,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import (
     facet_tags_of,
     values_of,
 )
-from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
+from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows, sums_at
 
 
 class GluedEdges:
@@ -150,11 +150,8 @@ class GluedEdges:
         weights = np.ones_like(lengths)
         if shapeless is not None:
             weights[shapeless] = short
-        sums = la.vector(self._map, 3, dtype=np.float64)
-        table = sums.array.reshape(-1, 3)
         columns = [weights * lengths, weights, np.ones_like(lengths)]
-        np.add.at(table, self.of_cell, np.stack(columns, axis=2))
-        sums.scatter_reverse(la.InsertMode.add)
+        table = sums_at(self._map, 3, (self.of_cell, np.stack(columns, axis=2)))
         total, weight, count = table[: self._owned].T
         shaped = weight > 0.5  # true if the shape of at least one cell matters
         mean: Floats = total / np.where(shaped, weight, count)
@@ -258,11 +255,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     changes = np.linalg.norm(along @ gradients, axis=2) * volumes
     most = np.linalg.norm(along, axis=2) * volumes * sizes
 
-    sums = la.vector(edges, 2, dtype=np.float64)
-    table = sums.array.reshape(edges.size_local + edges.num_ghosts, 2)
-    np.add.at(table, of_cell, np.column_stack([changes.ravel(), most.ravel()]))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    table = sums_at(edges, 2, (of_cell, np.column_stack([changes.ravel(), most.ravel()])))
     share = np.divide(table[:, 0], table[:, 1], out=np.zeros(len(table)), where=table[:, 1] > 0)
     digits = 3  # rounded so that equal edges have equal factors for any order of summation
     stretches: Floats = 0.5 + np.round(share, digits)

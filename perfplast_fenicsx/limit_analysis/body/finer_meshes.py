@@ -18,7 +18,6 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
@@ -43,7 +42,7 @@ from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
 from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import fetch_rows
+from perfplast_fenicsx.parallel import fetch_rows, sums_at
 from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.spatial_fields import PointValues, SpatialField
@@ -181,11 +180,7 @@ def _around_vertices(
     weighted = np.concatenate([values, np.ones_like(values[..., :1])], axis=2)
     weighted *= volumes[:, None, None]
     width = weighted.shape[2]
-    sums = la.vector(vertices, width, dtype=np.float64)
-    table = sums.array.reshape(-1, width)
-    np.add.at(table, cells.ravel(), weighted.reshape(-1, width))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    table = sums_at(vertices, width, (cells.ravel(), weighted.reshape(-1, width)))
     means: Floats = (table[:, :-1] / table[:, -1:])[cells]
     return means
 
@@ -500,12 +495,9 @@ def on_kinks(
             continue
         d = places.shape[2]
         slopes = np.einsum("cv,cvi->ci", values, gradients(places)[0])
-        sums = la.vector(index_map, 1 + 2 * d, dtype=np.float64)
-        table = sums.array.reshape(count, 1 + 2 * d)
         rows = np.hstack([np.ones((len(cells), 1)), slopes, slopes**2])
-        np.add.at(table, vertices.ravel(), np.repeat(rows, d + 1, axis=0))
-        sums.scatter_reverse(la.InsertMode.add)
-        sums.scatter_forward()
+        rows = np.repeat(rows, d + 1, axis=0)
+        table = sums_at(index_map, 1 + 2 * d, (vertices.ravel(), rows))
         spread = table[:, :1] * table[:, 1 + d :] - table[:, 1 : 1 + d] ** 2
         largest = tagged_mesh.mesh.comm.allreduce(np.abs(slopes).max(initial=0.0), MPI.MAX)
         noticed = 1e-6  # share of the largest gradient, far above rounding in small cells

@@ -59,6 +59,7 @@ from perfplast_fenicsx.mesh.bisection import edges_of_simplex
 from perfplast_fenicsx.mesh.refinement import fan, fan_around
 from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import sums_at
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
@@ -108,14 +109,11 @@ def turns_at_vertices(
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
     kind = kinds_of_facets(tagged_mesh, given)[outer]
 
-    count = topology.index_map(0).size_local + topology.index_map(0).num_ghosts
-    sums = la.vector(topology.index_map(0), 5, dtype=np.float64)
-    table = sums.array.reshape(count, 5)
-    np.add.at(table, vertices.ravel(), _columns(angle.ravel(), 1.0, 0.0, 0.0, 0.0))
     twice = np.repeat(kind, 2).astype(np.float64)
-    np.add.at(table, ends.ravel(), _columns(0.0, 0.0, np.ones(twice.size), twice, twice**2))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    of_cells = _columns(angle.ravel(), 1.0, 0.0, 0.0, 0.0)
+    of_facets = _columns(0.0, 0.0, np.ones(twice.size), twice, twice**2)
+    parts = (vertices.ravel(), of_cells), (ends.ravel(), of_facets)
+    table = sums_at(topology.index_map(0), 5, *parts)
     angles, cells, facets, kinds, squares = table.T
     turn = (facets > 0) * turns(angles, facets, kinds, squares)
     return turn, cells.copy(), _changes(facets, kinds, squares)
@@ -204,14 +202,11 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
     sides = topology.connectivity(2, 1).array.reshape(-1, 3)[outer]
     kind = np.repeat(kinds_of_facets(tagged_mesh, given)[outer], 3).astype(np.float64)
 
-    edges = topology.index_map(1)
-    sums = la.vector(edges, 5, dtype=np.float64)
-    table = sums.array.reshape(edges.size_local + edges.num_ghosts, 5)
     angle = angles_at_edges(points[cells]).ravel()
-    np.add.at(table[:, :2], of_cell.ravel(), np.column_stack([angle, np.ones(angle.size)]))
-    np.add.at(table[:, 2:], sides.ravel(), np.column_stack([np.ones(kind.size), kind, kind**2]))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    of_cells = _columns(angle, 1.0, 0.0, 0.0, 0.0)
+    of_sides = _columns(0.0, 0.0, np.ones(kind.size), kind, kind**2)
+    parts = (of_cell.ravel(), of_cells), (sides.ravel(), of_sides)
+    table = sums_at(topology.index_map(1), 5, *parts)
     angles, around, facets, kinds, squares = table.T
     wanted = valence * turns(angles, facets, kinds, squares)
     wanting: npt.NDArray[np.bool_] = ((facets > 0) & (around < wanted))[of_cell]

@@ -16,7 +16,6 @@ from typing import Literal
 from mpi4py import MPI
 
 import numpy as np
-from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
@@ -24,6 +23,7 @@ from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.formulas import ROUNDING
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
+from perfplast_fenicsx.parallel import sums_at
 from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.spatial_fields import SpatialField, varying
@@ -287,10 +287,8 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
     stiff = sorted(problem.tagged_mesh.volumes.keys() - _radii(problem, least=0.0).keys())
     told = []
     for name in stiff:
-        inside = la.vector(V.dofmap.index_map, 1)
-        inside.array[V.dofmap.list[problem.tagged_mesh.cells(name)]] = 1.0
-        inside.scatter_reverse(la.InsertMode.add)
-        mine = inside.array[:owned] > 0
+        nodes = V.dofmap.list[problem.tagged_mesh.cells(name)]
+        mine = sums_at(V.dofmap.index_map, 1, (nodes.ravel(), 1.0))[:owned, 0] > 0
         sums = np.stack([live[mine].sum(axis=0), np.abs(live[mine]).sum(axis=0)])
         force, size = comm.allreduce(sums)
         held = comm.allreduce(problem.fixed[:owned][mine].sum(axis=0)) > 0

@@ -36,6 +36,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import (
     Followers,
     facet_numbers,
 )
+from perfplast_fenicsx.parallel import sums_at
 from perfplast_fenicsx.problem.assembled.declared_loads import (
     ROUNDING,
     linear_pores,
@@ -411,11 +412,8 @@ def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
     guides = problem.guides
     found = np.zeros((facets.num, facets.tdim))
     for surface, normal in zip(guides.surfaces, guides.normals, strict=True):
-        flags = la.vector(facets.index_map, 1)
-        flags.array[problem.tagged_mesh.facets(surface)] = 1.0
-        flags.scatter_reverse(la.InsertMode.add)
-        flags.scatter_forward()
-        found[flags.array > 0] = normal
+        flags = sums_at(facets.index_map, 1, (problem.tagged_mesh.facets(surface), 1.0))
+        found[flags[:, 0] > 0] = normal
     return found
 
 
@@ -469,9 +467,6 @@ def bare_vertices(
     bare = free[:, :, None] & ~np.take_along_axis(pushed[on], at.numbers.places, axis=2)
     wet = (at.live.pores != 0) | (at.dead.pores != 0)
     bare &= ~wet[:, others]
-    flags = la.vector(topology.index_map(0), 1)
-    flags.array[vertices[:, others][bare]] = 1.0
-    flags.scatter_reverse(la.InsertMode.add)
-    flags.scatter_forward()
-    found: npt.NDArray[np.bool_] = (flags.array[vertices] > 0) & loose[:, None]
+    flags = sums_at(topology.index_map(0), 1, (vertices[:, others][bare], 1.0))[:, 0]
+    found: npt.NDArray[np.bool_] = (flags[vertices] > 0) & loose[:, None]
     return found

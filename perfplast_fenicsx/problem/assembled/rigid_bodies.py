@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
+from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.declared.contact import Contact, Tie
@@ -24,7 +24,7 @@ from perfplast_fenicsx.materials.elastic import Rigid
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.connected_bodies import components
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.parallel import bounding_box, sums_at
 from perfplast_fenicsx.problem.assembled.rigid_rows import farthest
 from perfplast_fenicsx.problem.declared.given import Given
 
@@ -343,11 +343,7 @@ def _find(
     names = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     cells = np.concatenate([np.zeros(0, dtype=np.int32), *map(tagged_mesh.cells, names)])
     corners = V.dofmap.list[cells]
-    marked = la.vector(index_map, 1)
-    marked.array[np.unique(corners)] = 1.0
-    marked.scatter_reverse(la.InsertMode.add)
-    marked.scatter_forward()
-    rigid = marked.array > 0
+    rigid = sums_at(index_map, 1, (np.unique(corners), 1.0))[:, 0] > 0
     others = np.flatnonzero(~rigid).astype(np.int32)
     pairs: Sequence[npt.NDArray[np.int32]] = [
         np.stack([np.repeat(corners[:, 0], corners.shape[1]), corners.ravel()], axis=1),
