@@ -50,7 +50,10 @@ nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
     ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
-    ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function|AnyGround|Rubs)"),  # type variables
+    (
+        "py:class",
+        r"perfplast_fenicsx(\.\w+)+\.(T|First|Second|Function|AnyGround|Rubs)",
+    ),  # type variables
     ("py:class", "DataFrame|Axes"),  # from pandas and matplotlib
     ("py:obj", r"perfplast_fenicsx\.problem\.judged\.state\.(Iteration|LevelReport)"),
 ]

@@ -49,8 +49,8 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         rtol: Largest relative distance of each bound from the best bound of its kind.
 
     Raises:
-        InputError: If :func:`check_blocks` refuses the joints, if no joint forces balance the
-            loads, or if a linear program has no reliable solution.
+        InputError: If :func:`rigid_blocks.check_blocks` refuses the joints, if no joint forces
+            balance the loads, or if a linear program has no reliable solution.
     """
     check_blocks(problem)
     log.info("bounds for rigid blocks: computing forces in their joints, and a mechanism")

@@ -17,8 +17,8 @@ from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 if TYPE_CHECKING:
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
-A = TypeVar("A")
-B = TypeVar("B")
+First = TypeVar("First")
+Second = TypeVar("Second")
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ class Given:
 
 
 def by_kind(
-    argument: str, entries: Sequence[A | B], first: type[A], second: type[B]
-) -> tuple[list[A], list[B]]:
+    argument: str, entries: Sequence[First | Second], first: type[First], second: type[Second]
+) -> tuple[list[First], list[Second]]:
     """Return the entries of the first kind, and those of the second, both in the given order.
 
     Args:
