@@ -62,7 +62,7 @@ def _rows(
         name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
         one = load["moment" if moments else "force"]
         if load["constant"]:
-            yield f"{name}, at any {zeta}", one
+            yield f"{name}, constant", one
             continue
         yield f"{name}, {zeta} = 1", one
         if lower is not None:

@@ -150,7 +150,7 @@ class Problem:
         touching, ties = by_kind("contacts", contacts, Contact, Tie)
         given = Given(materials, held, loads, touching, obstacles, degree, initial, ties, rigid)
         given.check(tagged_mesh)
-        self.stated_loads = loads
+        self.stated_loads = tuple(loads)
         self.given = replace(given, loads=on_this_mesh(tagged_mesh, loads, rigid))
         spaces = make_spaces(tagged_mesh.mesh, degree, self.kinematics)
         self.degree, self.dx = degree, spaces.dx
@@ -167,7 +167,8 @@ class Problem:
         """Return the problem of declared data, for example of another problem. Collective.
 
         ``Problem.from_given(problem.tagged_mesh, dataclasses.replace(problem.given, loads=loads))``
-        is the problem with other loads.
+        is the problem with other loads. Results then state total forces of the given problem as
+        tractions (:attr:`stated_loads`).
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
@@ -485,7 +486,7 @@ def _load(problem: Problem, loads: Sequence[Load]) -> None:
     """Replace the loads of a problem. Collective."""
     tagged_mesh, rigid = problem.tagged_mesh, problem.given.rigid
     found = on_this_mesh(tagged_mesh, loads, rigid)
-    problem.stated_loads = loads
+    problem.stated_loads = tuple(loads)
     problem.given = replace(problem.given, loads=found)
     moved = problem.interferes or problem.motion.moves_supports
     stays = problem.initial_strain is not None or moved

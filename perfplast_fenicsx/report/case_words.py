@@ -71,10 +71,7 @@ class CaseWords:
         found = summary.limit or {}
         several = bool(found.get("envelope") or found.get("shakedown"))
         staged = any(step.get("stage") for step in summary.steps)
-        words = cls(summary.given, summary.units, summary.model["axes"], staged, several)
-        if found.get("strength"):  # a factor of safety, without ζ
-            words._full = "constant"
-        return words
+        return cls(summary.given, summary.units, summary.model["axes"], staged, several)
 
     def __init__(
         self,
@@ -96,7 +93,6 @@ class CaseWords:
         self._given, self._units, self._axes = given, units, axes
         self._staged, self._several = staged, several
         self._times = "times its factor" if staged or several else "times ζ"
-        self._full = "in full at any time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
         """Return the name and the material of each body."""
@@ -148,7 +144,7 @@ class CaseWords:
         """Return a row for each load: where and how it acts."""
         rows = []
         for load in self._given.get("loads", []):
-            how = self._full if load["constant"] else self._times
+            how = "constant" if load["constant"] else self._times
             name = f"{load['name']}: " if load.get("name") else ""
             rows.append((load["on"], f"{name}{self._load(load)}, {how}"))
         for first in self._given.get("initial", []):
@@ -186,7 +182,7 @@ class CaseWords:
         )
         more = f" and {len(live) - most_named} more loads" if len(live) > most_named else ""
         one = "A factor of 1" if self._several else "ζ is the load factor: ζ = 1"
-        return f"{one} is {', '.join(live[:most_named])}{more}."
+        return f"{one} is {'; '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
         """Return the rows of contacts, obstacles and ties."""
@@ -215,13 +211,13 @@ class CaseWords:
         found += str(obstacle["kind"])
         if "radius" in obstacle:
             found += f" of radius {self.number(obstacle['radius'], 'length')}"
-        places = {"point": "through", "centre": "around"}
-        for key, words in places.items():
+        through = "around the axis through" if "axis" in obstacle else "through"
+        for key, words in (("point", through), ("centre", "around")):
             if key in obstacle:
                 found += f" {words} {self.number(obstacle[key], 'length')}"
-        for key in ("normal", "axis"):
+        for key, words in (("normal", "with the normal"), ("axis", "along")):
             if key in obstacle:
-                found += f" with the {key} {self.number(obstacle[key], '')}"
+                found += f" {words} {self.number(obstacle[key], '')}"
         return found
 
     def assumptions(self, kind: str, taken: Sequence[str], of_bodies: bool) -> list[str]:
@@ -286,16 +282,16 @@ class CaseWords:
             words = field.replace("_", " ")
             if field == "value":
                 words = known.words if known else load["kind"]
-                if load.get("total"):  # of a traction
-                    words, unit = "total force, spread evenly,", "force"
+                if load["kind"] == "traction" and load.get("total"):
+                    words, unit = "evenly spread force", "force"
             if said := load.get(f"{field}_in_words"):
                 acts.append(f"{words}, {said}")
             elif load.get(field, []) != []:
                 acts.append(f"{words} {self.number(load[field], unit)}")
         text = " and ".join(acts)
-        if load.get("point"):
+        if load["kind"] == "force" and load.get("point"):
             text += f" at the point {self.number(load['point'], 'length')}"
-        if load.get("depth"):
+        if known is ForceBelow and load["depth"]:
             text += f", where {load.get('depth_in_words', load['depth'] + ' > 0')}"
         return text
 

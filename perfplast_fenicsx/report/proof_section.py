@@ -47,10 +47,10 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
     holds = {  # contents of each file
         PROOF: ", and ".join(halves[kind] for kind in halves if kind in proofs.get(PROOF, {})),
         LEAST: "the same for the smallest factor of the load that is carried",
-        STANDS: "a stress within the strengths for the smaller factor of safety; multiple of the "
-        "loads",
-        FALLS: "a mechanism with the strengths for the larger factor of safety; multiple of the "
-        "loads",
+        STANDS: "a stress within the strengths for the smaller factor of safety, which bounds "
+        "the multiple of the loads",
+        FALLS: "a mechanism with the strengths for the larger factor of safety, which bounds "
+        "the multiple of the loads",
     }
     rows = []
     for name, what in holds.items():

@@ -44,7 +44,7 @@ def test_what_is_applied_carried_and_held() -> None:
     assert "zeta = 2, carried for certain" in lines[2]
     assert "zeta = 3, collapse for certain" in lines[3]
     assert "push, zeta = 2.5, limit load of the mesh" in lines[4]
-    assert "weight on lid, at any zeta" in lines[5]
+    assert "weight on lid, constant" in lines[5]
     assert "support floor, zeta = 2.5, limit load of the mesh" in lines[6]
     assert cells[7][:6] == ["Moments", "about", "the", "origin", "(N", "m)"]
     assert cells[9][-3:] == ["10", "0", "0"]

@@ -562,7 +562,7 @@ CASES = {
     ),
     "a whole force": Told(
         HOLD + load("top", "traction = [0.0, -3.0]\ntotal = true"),
-        ("force, spread evenly, (0, -3) on 'top'; length 4; force (0, -3)",),
+        ("evenly spread force (0, -3) on 'top'; length 4; force (0, -3)",),
         {"left": LEFT, "top": TOP},
     ),
     "a weight": Told(

@@ -137,7 +137,7 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
             if isinstance(load, ForceBelow):
                 what = "body force"
             if isinstance(load, Traction) and load.total:
-                what, quantity = "force, spread evenly,", "force"
+                what, quantity = "evenly spread force", "force"
             if isinstance(load, FieldPores):
                 words.append(f"pore pressure of {load.value}")
                 continue
@@ -178,7 +178,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
     if others:
         told.append(f"A factor of 1 for {', '.join(others)} is the value in the case.")
     if dead:
-        told.append(f"These loads have their full value at any load factor: {', '.join(dead)}.")
+        told.append(f"Constant loads: {', '.join(dead)}.")
     if case.scene.axisymmetric:
         told.append(
             "Forces and works in results refer to the full turn; pressures and tractions are "

@@ -19,7 +19,7 @@ edge, divided by the relative distance from the vertex. The formulas use only Nu
 laws of the cells.
 
 :func:`slip_work` computes an upper bound on the dissipation by slip that also holds between nodes.
-The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`).
+The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`entering`).
 The Bernstein polynomials are not negative and sum to 1. ‖w_t‖ is therefore at most the mean of the
 norms of the coefficients, weighted with the polynomials. The integral ∫c‖w_t‖ is at most c times
 the area times the unweighted mean of these norms. The jump w lies in the cone w_n ≥ μ‖w_t‖ of

@@ -1,6 +1,6 @@
 """Declare a problem independently of its mesh."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -136,8 +136,14 @@ def by_kind(
         second: The second kind.
 
     Raises:
-        InputError: If an entry has neither kind.
+        InputError: If the entries are not a list, or if an entry has neither kind.
     """
+    if not isinstance(entries, Iterable):
+        raise InputError(
+            f"{argument} is an object of type {type(entries).__name__}, not a list; write it in"
+            " brackets."
+        )
+    entries = [*entries]
     for entry in entries:
         if not isinstance(entry, (first, second)):
             raise InputError(

@@ -62,7 +62,7 @@ def test_weight_and_whole_force(comm: MPI.Intracomm, shared_tmp_path: Path) -> N
     assert found == pytest.approx({"lower": -60.0, "upper": -15.0}, rel=1e-12)
     assert all(weight.constant and weight.name == "gravity" for weight in weights)
     words = load_in_words(case.loads[0], Units(system="mm-N-MPa"))
-    assert words == "force, spread evenly, (3, 0, -12) N on 'top'"
+    assert words == "evenly spread force (3, 0, -12) N on 'top'"
 
 
 @pytest.mark.parametrize("n", [1, 2])

@@ -41,8 +41,7 @@ def test_meaning(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert case.units == Units(system="mm-N-MPa")
     assert meaning(case) == [
         "zeta = 1 is pressure 1 MPa on 'top'.",
-        "These loads have their full value at any load factor: body force (0, 0, '-x')"
-        " N/mm^3 on 'lower'.",
+        "Constant loads: body force (0, 0, '-x') N/mm^3 on 'lower'.",
         "Units: lengths in mm, forces in N, stresses in MPa, works in N mm, moments of results"
         " in N m.",
     ]
@@ -55,8 +54,7 @@ def test_meaning_in_inches(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     case = read_case(write_case(comm, shared_tmp_path / "case.toml", given))
     assert meaning(case) == [
         "zeta = 1 is pressure 1 ksi on 'top'.",
-        "These loads have their full value at any load factor: body force (0, 0, '-x')"
-        " kip/in^3 on 'lower'.",
+        "Constant loads: body force (0, 0, '-x') kip/in^3 on 'lower'.",
         "Units: lengths in in, forces in kip, stresses in ksi, works in kip in, moments of results"
         " in kip ft.",
     ]
