@@ -168,7 +168,7 @@ class Problem:
 
         ``Problem.from_given(problem.tagged_mesh, dataclasses.replace(problem.given, loads=loads))``
         is the problem with other loads. Results then state total forces of the given problem as
-        tractions (:attr:`stated_loads`).
+        tractions (``stated_loads``).
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
