@@ -484,27 +484,25 @@ def test_what_is_not_toml_is_refused_before_commands_begin(
     assert "no.toml' cannot be read" in one_line(comm, capsys)
 
 
+def assert_not_imported(program: str, modules: set[str]) -> None:
+    """Run a program in a process of its own, and check that it imports none of the modules."""
+    program = f"import sys; {program}; print({modules} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "set()\n")
+
+
 def test_what_is_not_toml_is_refused_without_slow_imports(comm: MPI.Intracomm) -> None:
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
-    program = (
-        "import sys; from perfplast_fenicsx.__main__ import main; main(['check', 'no.toml']);"
-        "print({'petsc4py.PETSc', 'dolfinx', 'ufl', 'scipy'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "set()\n")
+    program = "from perfplast_fenicsx.__main__ import main; main(['check', 'no.toml'])"
+    assert_not_imported(program, {"petsc4py.PETSc", "dolfinx", "ufl", "scipy"})
 
 
 def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
     """Libraries of meshers and pictures, which the program uses in separate processes."""
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
-    program = (
-        "import sys, perfplast_fenicsx.cli.commands;"
-        "print({'gmsh', 'matplotlib', 'pyvista'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "set()\n")
+    assert_not_imported("import perfplast_fenicsx.cli.commands", {"gmsh", "matplotlib", "pyvista"})
 
 
 @pytest.mark.mpi2
