@@ -1,5 +1,6 @@
 """Compute vertices, gradients of barycentric coordinates, and outer facets of straight cells."""
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -8,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 from dolfinx.mesh import Mesh, exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
 
 
@@ -28,6 +29,11 @@ def corners(mesh: Mesh) -> tuple[Ints, Floats]:
     count = topology.index_map(tdim).size_local
     cells: Ints = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:count]
     return cells, np.asarray(mesh.geometry.x[places, : mesh.geometry.dim], dtype=np.float64)
+
+
+def facets_of(tdim: int) -> Longs:
+    """Return the vertices of the facet opposite each vertex of a simplex, shape (d + 1, d)."""
+    return np.array([*itertools.combinations(range(tdim + 1), tdim)][::-1])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointP
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, facets_of
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.judged.certificate import friction_forces
@@ -311,8 +311,8 @@ def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
     chosen = np.flatnonzero(np.isin(body.geometry.exterior, body.facets.in_contact))
     outer = body.geometry.exterior[chosen]
     d = body.vertices.shape[2]
-    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-    nodes = space.dofmap.list[body.geometry.cell[outer][:, None], around[body.geometry.side[outer]]]
+    corners = facets_of(d)[body.geometry.side[outer]]
+    nodes = space.dofmap.list[body.geometry.cell[outer][:, None], corners]
     shares = np.broadcast_to(body.geometry.areas(outer)[:, None] / d, nodes.shape)
     pushes = -np.einsum("fvi,fi->fv", joints.best.forces[chosen], body.geometry.normals(outer))
     for field, values in ((pressure, pushes), (areas, shares)):

@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.facets.bound_body import (
 )
 from perfplast_fenicsx.mesh.connected_bodies import components
 from perfplast_fenicsx.mesh.kinematics import Kinematics
-from perfplast_fenicsx.mesh.straight_geometry import gradients, has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import facets_of, gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 CURVED = "cells are curved; use first-order cells"
@@ -158,15 +158,15 @@ def check_blocks(problem: Problem) -> None:
     sides = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     pieces, _ = components(problem.comm, topology.index_map(tdim - 1), sides)
     curved = has_curved_cells(problem.tagged_mesh.mesh)
-    faults = {
-        CURVED: curved,
-        str(body.prevents): body.prevents is not None,
-        PLATES: bool(body.rigid.names),
-        ROUND: any(it.obstacle is not None and it.into is None for it in body.interfaces),
-        HELD: touched,
-        HINGED: pieces != problem.bodies.count,
-    }
-    for why, so in faults.items():
+    faults = (
+        (CURVED, curved),
+        (body.prevents, body.prevents is not None),
+        (PLATES, bool(body.rigid.names)),
+        (ROUND, any(it.obstacle is not None and it.into is None for it in body.interfaces)),
+        (HELD, touched),
+        (HINGED, pieces != problem.bodies.count),
+    )
+    for why, so in faults:
         if problem.comm.allreduce(so, MPI.LOR):
             raise InputError(f"no body can yield, so only the joints limit the load, but {why}.")
 
@@ -189,8 +189,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     middle, extent = _sizes(comm, body.vertices, of_cell, count)
     outer = body.geometry.exterior
     cell, side = body.geometry.cell[outer], body.geometry.side[outer]
-    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-    corners = body.vertices[cell[:, None], around[side]]
+    corners = body.vertices[cell[:, None], facets_of(d)[side]]
     of_outer = of_cell[cell]
     frames = Frames(problem.kinematics, middle, extent)
     gram = _held(comm, body, frames, of_outer, corners)
@@ -200,7 +199,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     ]
     nodes = geometry_dofmap(mesh)[:owned, : d + 1]
     vertices = mesh.geometry.index_map().local_to_global(
-        np.take_along_axis(nodes[cell], around[side], axis=1).ravel().astype(np.int32)
+        np.take_along_axis(nodes[cell], facets_of(d)[side], axis=1).ravel().astype(np.int32)
     )
     rows = np.zeros(len(outer), dtype=_row_type(d))
     rows["corners"], rows["vertices"] = corners, vertices.reshape(-1, d)

@@ -35,7 +35,7 @@ from perfplast_fenicsx.mesh.global_ordering import (
     node_ordering,
     with_ghosts,
 )
-from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners, facets_of, has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.proof.checker import check_halves
@@ -436,8 +436,7 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
     outer = body.geometry.exterior
     of_cells, sides = body.geometry.cell[outer], body.geometry.side[outer]
     places = _places(problem)
-    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
-    facets = np.take_along_axis(cells[of_cells], around[sides], axis=1)
+    facets = np.take_along_axis(cells[of_cells], facets_of(d)[sides], axis=1)
 
     named = {name for it in body.interfaces for name in it.surfaces} | {*body.rigid.names}
     tags = {name: number for number, name in enumerate(sorted(named), start=1)}

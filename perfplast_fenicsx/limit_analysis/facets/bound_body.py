@@ -36,6 +36,7 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import (
     Followers,
     facet_numbers,
 )
+from perfplast_fenicsx.mesh.straight_geometry import facets_of
 from perfplast_fenicsx.parallel import sums_at
 from perfplast_fenicsx.problem.assembled.declared_loads import (
     ROUNDING,
@@ -125,7 +126,7 @@ class RigidFacets:
                 rigid surfaces do not rotate there.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
-        others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
+        others = facets_of(d)
         of_cells = self.surface[numbers.facets]
         cells = np.flatnonzero((of_cells >= 0).any(axis=1))
         shares = np.zeros((len(cells), d + 1, nodes, d, count, unknowns))
@@ -463,7 +464,7 @@ def bare_vertices(
     free &= at.rigid.surface[on] < 0
     pushed = (at.live.tractions != 0).any(axis=2) | (at.dead.tractions != 0).any(axis=2)
     vertices: Longs = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[: len(on)]
-    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    others = facets_of(tdim)
     bare = free[:, :, None] & ~np.take_along_axis(pushed[on], at.numbers.places, axis=2)
     wet = (at.live.pores != 0) | (at.dead.pores != 0)
     bare &= ~wet[:, others]

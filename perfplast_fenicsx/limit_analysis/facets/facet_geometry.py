@@ -20,7 +20,7 @@ from dolfinx.mesh import Mesh, exterior_facet_indices
 from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
-from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.mesh.straight_geometry import facets_of, gradients
 from perfplast_fenicsx.parallel import lasting
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -74,7 +74,7 @@ def facet_numbers(mesh: Mesh) -> FacetNumbers:
     facets = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[:owned]
     vertices = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:owned]
     numbers = topology.index_map(0).local_to_global(vertices.ravel()).reshape(vertices.shape)
-    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    others = facets_of(tdim)
     places = np.argsort(np.argsort(numbers[:, others], axis=2), axis=2)
     return FacetNumbers(facets, places)
 
@@ -272,7 +272,7 @@ class FacetGeometry:
     def corners(self, facets: Ints) -> Floats:
         """Return the vertices of facets in the facets' own order, shape (n, d, d)."""
         tdim, cell, side = self.tdim, self.cell[facets], self.side[facets]
-        others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+        others = facets_of(tdim)
         x = self.vertices[cell[:, None], others[side]]
         places = self._numbers.places[cell, side]
         return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)

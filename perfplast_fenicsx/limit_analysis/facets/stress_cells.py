@@ -106,11 +106,6 @@ def cell_layout(tdim: int) -> CellLayout:
     return CellLayout(corners, rows, outer, count - outer)
 
 
-def facets_of(tdim: int) -> Longs:
-    """Return the vertices of the facet opposite each vertex of a simplex, shape (d + 1, d)."""
-    return np.array([*itertools.combinations(range(tdim + 1), tdim)][::-1])
-
-
 @lru_cache
 def tensors(gdim: int) -> Floats:
     """Return the unit tensor and orthonormal deviators; in-plane tensors for gdim = 2.

@@ -32,13 +32,12 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelociti
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     NODES,
     cell_layout,
-    facets_of,
     on_facets,
     ring_forces,
 )
 from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
-from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.mesh.straight_geometry import facets_of, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -59,14 +59,13 @@ from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     flat_faces,
     has_pair,
 )
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import facets_of
 from perfplast_fenicsx.mesh.ring_polynomials import (
     equal_parts,
     of_parts,
     ring_rates,
     weights_of_rates,
 )
-from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners, facets_of, gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 
