@@ -188,7 +188,7 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
             "contacts = [...] contains an object",
         ),
         ({"supports": [ABOVE]}, "objects of type Support or RigidSurface"),
-        ({"supports": Support("top")}, "supports is an object of type Support, not a list"),
+        ({"supports": Support("top")}, "an object of type Support, not a list"),
         (
             {"contacts": 2 * [PAIR]},
             "contact 1 ('lower_top', 'upper_bottom');",
